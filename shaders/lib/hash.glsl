@@ -1,0 +1,21 @@
+// Integer hashing of cells. Equal on every driver, which a hash made of sines is not.
+
+// [Jarzynski2020, "Hash Functions for GPU Rendering", pcg4d]
+uvec4 pcg4d(uvec4 v) {
+    v = v * 1664525u + 1013904223u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    v ^= v >> 16u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    return v;
+}
+
+// Four independent numbers in [0, 1) of a cell; multiples of 2^-24, so exact in float32.
+vec4 hash_cell(ivec3 cell, int seed) {
+    return vec4(pcg4d(uvec4(uvec3(cell), uint(seed))) >> 8u) * (1.0 / 16777216.0);
+}

@@ -1,0 +1,5 @@
+"""`python -m skincli`."""
+
+from skincli.cli import main
+
+main()

@@ -1,0 +1,60 @@
+"""Render a scene to a picture and its data layers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("scene", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="picture: NAME.exr or NAME.png")
+@click.option("--set", "sets", multiple=True, metavar="PATH=VALUE", help="change a value, such as camera.fov=20")
+@click.option("--outputs", "names", metavar="A,B,...", help="outputs to write, in place of the scene's")
+@click.option(
+    "--asset-root", "roots", multiple=True, type=click.Path(path_type=Path), help="folder files may come from"
+)
+@click.option("--explain", is_flag=True, help="print what ran, was reused or skipped, and why")
+@click.option("--report", type=click.Path(path_type=Path), metavar="FILE.json", help="write times, keys and versions")
+@click.option("--no-skip", is_flag=True, help="run every pass of the shading mode, remember nothing")
+@click.option("--check", is_flag=True, help="fail where any pass left a NaN or Inf, and name it")
+@click.option("--require-gpu", is_flag=True, help="fail rather than draw in software")
+def command(
+    scene: Path,
+    output: Path,
+    sets: tuple[str, ...],
+    names: str | None,
+    roots: tuple[Path, ...],
+    explain: bool,
+    report: Path | None,
+    no_skip: bool,
+    check: bool,
+    require_gpu: bool,
+) -> None:
+    """Render SCENE, a YAML file, to the picture OUTPUT.
+
+    An EXR file holds all outputs of picture size as layers, and those of texture space in NAME.atlas.exr. PNG writes
+    one file per output: NAME.png for beauty, NAME.OUTPUT.png for others.
+    """
+    from skincli import render
+    from skincli.gpu.context import get_context
+    from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
+    from skincli.scene.files import asset_roots
+    from skincli.scene.paths import load_scene
+
+    target = render.Target(output)
+    if names is not None:
+        sets = (*sets, f"outputs=[{names}]")
+    loaded = load_scene(scene, sets, asset_roots(roots), outputs=OUTPUTS)
+    mesh = load_scene_mesh(loaded, use_cache=not no_skip)
+    get_context(require_gpu)
+    pipeline = Pipeline(loaded, mesh, skip=not no_skip)
+    timing = explain or report is not None
+    frame = {"frame": 1, **render.render_frame(pipeline, target, loaded.scene.outputs, timing)}
+    if check:
+        render.require_finite(pipeline)
+    if report is not None:
+        render.write_report(report, [frame])
+    if explain:
+        click.echo(render.explain(pipeline.reports))

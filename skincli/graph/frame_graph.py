@@ -1,0 +1,447 @@
+"""The frame graph: wired once, pulled by the outputs that are wanted, culled, memoised, replayed.
+
+Vocabulary and idea of culling by what is read: Filament's FrameGraph; content keys: Gaffer's compute nodes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+
+from skincli.errors import LimitError
+from skincli.gpu import textures
+from skincli.gpu.context import device_info, get_context
+from skincli.gpu.counters import COUNTERS
+from skincli.gpu.program import compile_program
+from skincli.gpu.textures import Texture
+from skincli.graph.node import ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
+from skincli.graph.store import Store
+
+
+@dataclass
+class NodeReport:
+    """What became of one node in one frame.
+
+    Parameters
+    ----------
+    state : "ran", "reused" or "skipped"
+    reason : why
+    ms : time of its draws, None where it was not measured
+    key : hex digest over the outputs that were needed
+    bytes : size of those outputs
+    """
+
+    name: str
+    state: str
+    reason: str
+    size: tuple[int, int]
+    ms: float | None = None
+    key: str = ""
+    bytes: int = 0
+
+
+@dataclass
+class _Prepared:
+    """A draw with everything looked up that does not change from frame to frame."""
+
+    draw: Draw
+    program: moderngl.Program
+    vertex_array: moderngl.VertexArray
+    first: int
+    count: int
+    block: moderngl.Buffer | None
+    bindings: tuple[tuple[int, str, moderngl.Sampler], ...]
+    packed: bytes
+
+
+@dataclass
+class _Step:
+    """A node and the outputs of it that some target depends on."""
+
+    node: Node
+    outputs: tuple[str, ...]
+    depends: dict[str, tuple[Ref, ...]]
+    keys: dict[str, str] = field(default_factory=dict)
+
+
+class FrameGraph:
+    """A set of nodes wired by name.
+
+    Parameters
+    ----------
+    nodes : unique names
+    store : memo shared with other graphs of the process, or None for one of its own
+    skip : False runs every node of the graph in every frame and remembers nothing
+
+    Raises
+    ------
+    ValueError : two nodes of one name, or an input wired to nothing; names all of them
+    """
+
+    def __init__(self, nodes: Iterable[Node], store: Store | None = None, skip: bool = True) -> None:
+        self.nodes: dict[str, Node] = {}
+        faults = []
+        for node in nodes:
+            if node.name in self.nodes:
+                faults.append(f"two nodes are called '{node.name}'")
+            self.nodes[node.name] = node
+        for node in self.nodes.values():
+            for source in self._all_sources(node):
+                if isinstance(source, Ref) and source.output not in getattr(self.nodes.get(source.node), "outputs", {}):
+                    faults.append(f"'{node.name}' reads '{source.node}.{source.output}', which no node writes")
+        if faults:
+            raise ValueError("; ".join(faults))
+        self.store = store or Store()
+        self.skip = skip
+        self.reports: list[NodeReport] = []
+        self._targets: tuple[Ref, ...] = ()
+        self._steps: list[_Step] = []
+        self._resolved: dict[Ref, Source] = {}
+        self._prepared: dict[tuple[str, tuple[str, ...]], list[_Prepared]] = {}
+        self._shape: object = None
+
+    @staticmethod
+    def _all_sources(node: Node) -> list[Source]:
+        if isinstance(node, Pass):
+            return [*node.wired.values(), *(source for draw in node.draws for source in draw.inputs.values())]
+        return []
+
+    # -- compile -------------------------------------------------------------------------------------------------
+
+    def _resolve(self, source: Source) -> Source:
+        """Follow shortcuts to the node that does the work, or to a constant."""
+        while isinstance(source, Ref) and self.skip:
+            way = self.nodes[source.node].shortcut(source.output)
+            if way is None:
+                break
+            source = way[0]
+        return source
+
+    def _structure(self) -> object:
+        """Everything about the present values that decides which nodes are wired to which."""
+        shape = []
+        for node in self.nodes.values():
+            ways = tuple((output, node.shortcut(output)) for output in node.outputs) if self.skip else ()
+            ignored = tuple(sorted(node.ignores())) if self.skip else ()
+            shape.append((node.name, ways, ignored))
+        return shape
+
+    def _sources(self, node: Node, output: str) -> list[Source]:
+        if isinstance(node, Pass) and not self.skip:
+            needed = node.needed_inputs(output)
+            found = [draw.inputs.get(name, node.wired.get(name)) for draw in node.draws for name in needed]
+            return [source for source in found if source is not None]
+        return list(node.sources(output))
+
+    def _compile(self, targets: tuple[Ref, ...]) -> None:
+        """Work out the order of the nodes that the targets need."""
+        needed: dict[str, dict[str, tuple[Ref, ...]]] = {}
+        order: list[str] = []
+        path: list[str] = []
+
+        def visit(ref: Ref) -> None:
+            if ref.node in path:
+                raise ValueError("a cycle of nodes: " + " <- ".join([*path[path.index(ref.node) :], ref.node]))
+            outputs = needed.setdefault(ref.node, {})
+            if ref.output in outputs:
+                return
+            node = self.nodes[ref.node]
+            resolved = [self._resolve(source) for source in self._sources(node, ref.output)]
+            refs = tuple(dict.fromkeys(source for source in resolved if isinstance(source, Ref)))
+            path.append(ref.node)
+            for child in refs:
+                visit(child)
+            path.pop()
+            outputs[ref.output] = refs
+            if ref.node not in order:
+                order.append(ref.node)
+
+        for target in targets:
+            source = self._resolve(target)
+            self._resolved[target] = source
+            if isinstance(source, Ref):
+                visit(source)
+        # A node that gained an output after it was ordered may now depend on a later one: sort by dependence.
+        done: list[str] = []
+
+        def place(name: str) -> None:
+            if name in done:
+                return
+            for refs in needed[name].values():
+                for ref in refs:
+                    place(ref.node)
+            done.append(name)
+
+        for name in order:
+            place(name)
+        self._steps = [_Step(self.nodes[name], tuple(needed[name]), needed[name]) for name in done]
+        self._targets = targets
+
+    def _make_keys(self) -> None:
+        """Chain the content keys from the sources to the targets."""
+        keys: dict[Ref, str] = {}
+        for step in self._steps:
+            for output in step.outputs:
+                digest = hashlib.blake2b(step.node.own_digest(output), digest_size=16)
+                for source in self._sources(step.node, output):
+                    resolved = self._resolve(source)
+                    digest.update(
+                        keys[resolved].encode() if isinstance(resolved, Ref) else repr(resolved.value).encode()
+                    )
+                step.keys[output] = keys[Ref(step.node.name, output)] = digest.hexdigest()
+        self._keys = keys
+
+    def update(self, nodes: Iterable[Node]) -> None:
+        """Replace nodes by others of the same name, shader and wiring whose values differ (a later frame)."""
+        for node in nodes:
+            self.nodes[node.name] = node
+
+    # -- run -----------------------------------------------------------------------------------------------------
+
+    def run(self, targets: Sequence[Ref], timing: bool = False) -> dict[Ref, Texture]:
+        """Compute what the targets need and is not known yet.
+
+        Parameters
+        ----------
+        targets : outputs that are wanted
+        timing : measure each node (timer queries on a GPU, waiting for the driver on software GL)
+
+        Returns
+        -------
+        texture of each target; valid until the next run
+        """
+        wanted_targets = tuple(targets)
+        if not self.skip:
+            everything = [Ref(node.name, output) for node in self.nodes.values() for output in node.outputs]
+            wanted_targets = tuple(dict.fromkeys([*targets, *everything]))
+            self.store.clear()
+        shape = self._structure()
+        if wanted_targets != self._targets or shape != self._shape:
+            self._compile(wanted_targets)
+            self._shape = shape
+        else:
+            for step in self._steps:
+                step.node = self.nodes[step.node.name]
+        self._make_keys()
+
+        missing = self._missing(wanted_targets)
+        pins = self._pins(missing, targets)
+        reports: dict[str, NodeReport] = {}
+        for position, (step, outputs) in enumerate(missing):
+            ms = self._execute(step, outputs, timing)
+            reports[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step), ms)
+            self.store.evict({key for key, last in pins.items() if last > position})
+        self.reports = self._account(reports)
+        results = {}
+        for target in targets:
+            source = self._resolved[target]
+            results[target] = (
+                self.store.get(self._keys[source]) if isinstance(source, Ref) else textures.constant(source.value)
+            )
+        return results
+
+    def _missing(self, targets: Sequence[Ref]) -> list[tuple[_Step, tuple[str, ...]]]:
+        """Return the steps to run, in order, each with the outputs that are not in the memo."""
+        wanted = {self._resolved[target] for target in targets}
+        found = []
+        for step in reversed(self._steps):
+            outputs = tuple(
+                output
+                for output in step.outputs
+                if Ref(step.node.name, output) in wanted and step.keys[output] not in self.store
+            )
+            if outputs:
+                found.append((step, outputs))
+                wanted.update(ref for output in outputs for ref in step.depends[output])
+        self._wanted = wanted
+        return found[::-1]
+
+    def _pins(self, missing: list[tuple[_Step, tuple[str, ...]]], targets: Sequence[Ref]) -> dict[str, int]:
+        """Return for each key in use the position of the last step that reads it."""
+        pins: dict[str, int] = {}
+        for position, (step, outputs) in enumerate(missing):
+            for output in outputs:
+                for ref in step.depends[output]:
+                    pins[self._keys[ref]] = position
+                pins.setdefault(step.keys[output], position)
+        for target in targets:
+            source = self._resolved[target]
+            if isinstance(source, Ref):
+                pins[self._keys[source]] = len(missing) + 1
+        return pins
+
+    def _execute(self, step: _Step, outputs: tuple[str, ...], timing: bool) -> float | None:
+        if not timing:
+            self._draw(step, outputs)
+            return None
+        context = get_context()
+        if device_info()["software"]:
+            context.finish()
+            start = time.perf_counter()
+            self._draw(step, outputs)
+            context.finish()
+            return (time.perf_counter() - start) * 1000
+        query = context.query(time=True)
+        with query:
+            self._draw(step, outputs)
+        return query.elapsed / 1e6
+
+    def _draw(self, step: _Step, outputs: tuple[str, ...]) -> None:
+        node = step.node
+        if isinstance(node, Load):
+            self.store.put(step.keys["image"], textures.upload(node.make(), node.format, node.mipmaps), pooled=False)
+            return
+        assert isinstance(node, Pass)
+        context = get_context()
+        targets = [
+            self.store.pool.acquire(node.size, node.outputs[name].format, node.outputs[name].mipmaps)
+            for name in outputs
+        ]
+        framebuffer = self.store.pool.framebuffer(targets, node.depth)
+        framebuffer.use()
+        framebuffer.clear()
+        context.enable_only((context.BLEND if node.additive else 0) | (context.DEPTH_TEST if node.depth else 0))
+        if node.additive:
+            context.blend_func = context.ONE, context.ONE
+        needed = {name for output in outputs for name in node.needed_inputs(output)}
+        for prepared in self._prepare(node, outputs):
+            packed = prepared.draw.values.packed
+            if prepared.block is not None:
+                if packed != prepared.packed:
+                    prepared.block.write(packed)
+                    prepared.packed = packed
+                prepared.block.bind_to_uniform_block(0)
+            for unit, name, sampler in prepared.bindings:
+                source: Source = ZERO
+                if name in needed:
+                    source = self._resolve(
+                        node.source(prepared.draw, name) if self.skip else self._raw_source(node, prepared.draw, name)
+                    )
+                texture = (
+                    textures.constant(source.value)
+                    if isinstance(source, Constant)
+                    else self.store.get(self._keys[source])
+                )
+                texture.handle.use(unit)
+                sampler.use(unit)
+            if prepared.count:
+                prepared.vertex_array.render(vertices=prepared.count, first=prepared.first)
+                COUNTERS.draws += 1
+        for name, target in zip(outputs, targets, strict=True):
+            if node.outputs[name].mipmaps:
+                target.handle.build_mipmaps()
+            self.store.put(step.keys[name], target)
+
+    @staticmethod
+    def _raw_source(node: Pass, draw: Draw, name: str) -> Source:
+        source = draw.inputs.get(name, node.wired.get(name))
+        return ZERO if source is None else source
+
+    def _prepare(self, node: Pass, outputs: tuple[str, ...]) -> list[_Prepared]:
+        """Return the draws with programs, buffers and bindings looked up; the values are those of the present node."""
+        key = (node.name, outputs)
+        if key not in self._prepared:
+            self._prepared[key] = [self._prepare_draw(node, draw, outputs) for draw in node.draws]
+        for prepared, draw in zip(self._prepared[key], node.draws, strict=True):
+            prepared.draw = draw
+        return self._prepared[key]
+
+    def _prepare_draw(self, node: Pass, draw: Draw, outputs: tuple[str, ...]) -> _Prepared:
+        program = compile_program(node.text(draw, outputs))
+        bindings: list[tuple[int, str, moderngl.Sampler]] = []
+        for name, texture in node.inputs.items():
+            if name in program:
+                unit = len(bindings)
+                program[name] = unit
+                bindings.append((unit, name, textures.sampler(texture.filter, texture.repeat)))
+        size = draw.values.layout.size
+        block = None
+        if "Values" in program:
+            declared = program["Values"]
+            assert isinstance(declared, moderngl.UniformBlock)
+            if declared.size != size:
+                raise LimitError(f"the driver lays the uniform block of '{node.name}' out differently from std140")
+            block = get_context().buffer(reserve=size, dynamic=True)
+        if draw.topology == "screen":
+            vertex_array = get_context().vertex_array(program, [], mode=moderngl.TRIANGLES)
+            first, count = 0, 3
+        else:
+            assert node.geometry is not None
+            assert draw.part is not None
+            vertex_array = node.geometry.vertex_array(program, draw.topology)
+            first, count = node.geometry.part_range(draw.topology, draw.part)
+        return _Prepared(draw, program, vertex_array, first, count, block, tuple(bindings), b"")
+
+    # -- account -------------------------------------------------------------------------------------------------
+
+    def _report(
+        self, step: _Step, outputs: Sequence[str], state: str, reason: str, ms: float | None = None
+    ) -> NodeReport:
+        key = "".join(step.keys[output] for output in outputs)
+        if len(outputs) > 1:
+            key = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
+        held = [self.store.get(step.keys[output]) for output in outputs if step.keys[output] in self.store]
+        size = held[0].size if held else step.node.size
+        return NodeReport(step.node.name, state, reason, size, ms, key, sum(texture.bytes for texture in held))
+
+    def _why_ran(self, step: _Step) -> str:
+        return "first asked for, or something it reads has changed" if self.skip else "nothing is skipped"
+
+    def _account(self, ran: Mapping[str, NodeReport]) -> list[NodeReport]:
+        """Return a report for every node of the graph, in the order in which the light travels."""
+        steps = {step.node.name: step for step in self._steps}
+        reports = []
+        for node in self.nodes.values():
+            if node.name in ran:
+                reports.append(ran[node.name])
+                continue
+            step = steps.get(node.name)
+            if step is not None and any(Ref(node.name, output) in self._wanted for output in step.outputs):
+                reports.append(self._report(step, step.outputs, "reused", "same key as before"))
+            elif step is not None:
+                reports.append(self._report(step, (), "reused", "what reads it is known already"))
+            else:
+                reports.append(NodeReport(node.name, "skipped", self._why_skipped(node), node.size))
+        return reports
+
+    def _why_skipped(self, node: Node) -> str:
+        """Return the nearest value that made the node unnecessary."""
+        for output in node.outputs:
+            way = node.shortcut(output)
+            if way is not None:
+                return way[1]
+        for consumer in self.nodes.values():
+            if not isinstance(consumer, Pass):
+                continue
+            ignored = consumer.ignores()
+            for draw in consumer.draws:
+                for name in consumer.inputs:
+                    source = self._raw_source(consumer, draw, name)
+                    if isinstance(source, Ref) and source.node == node.name:
+                        if name in ignored:
+                            return ignored[name][1]
+                        way = next((consumer.shortcut(out) for out in consumer.outputs if consumer.shortcut(out)), None)
+                        if way is not None:
+                            return way[1]
+        return "no output that is asked for needs it"
+
+    def check_finite(self) -> list[str]:
+        """Return a line for each output kept in the memo that holds a NaN or Inf: node, pixel and count."""
+        faults = []
+        for step in self._steps:
+            for output in step.outputs:
+                if step.keys[output] in self.store:
+                    array = textures.read_back(self.store.get(step.keys[output]))
+                    bad = ~np.isfinite(array).all(axis=-1)
+                    if bad.any():
+                        row, column = np.argwhere(bad)[0]
+                        faults.append(
+                            f"{step.node.name}.{output}: {int(bad.sum())} pixels are not finite, "
+                            f"the first at column {column}, row {row}"
+                        )
+        return faults

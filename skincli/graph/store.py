@@ -1,0 +1,68 @@
+"""The memo: textures by content key, least recently used first out, bounded in bytes."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Collection
+
+from skincli.gpu.textures import Texture, TexturePool, destroy_texture
+
+DEFAULT_BUDGET_MB = 2048
+
+
+def default_budget() -> int:
+    """Return the memo's budget in bytes; the environment variable SKINCLI_MEMO_MB overrides it."""
+    return int(float(os.environ.get("SKINCLI_MEMO_MB", DEFAULT_BUDGET_MB)) * 1_000_000)
+
+
+class Store:
+    """Textures that were computed, by key.
+
+    Parameters
+    ----------
+    budget : bytes that textures nobody needs at the moment may take; 0 keeps nothing
+    """
+
+    def __init__(self, budget: int | None = None) -> None:
+        self.budget = default_budget() if budget is None else budget
+        self.pool = TexturePool()
+        self._kept: OrderedDict[str, Texture] = OrderedDict()
+        self._owned: set[str] = set()
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._kept
+
+    def get(self, key: str) -> Texture:
+        """Return a texture that is here, and mark it used."""
+        self._kept.move_to_end(key)
+        return self._kept[key]
+
+    def put(self, key: str, texture: Texture, pooled: bool = True) -> None:
+        """Keep a texture; one that is not `pooled` (an upload) is destroyed on eviction, not handed out again."""
+        self._kept[key] = texture
+        if not pooled:
+            self._owned.add(key)
+
+    def evict(self, pinned: Collection[str]) -> None:
+        """Let go of the least recently used textures until the rest fits the budget; pinned ones stay."""
+        total = sum(texture.bytes for texture in self._kept.values())
+        for key in list(self._kept):
+            if total <= self.budget:
+                return
+            if key in pinned:
+                continue
+            texture = self._kept.pop(key)
+            total -= texture.bytes
+            if key in self._owned:
+                self._owned.discard(key)
+                destroy_texture(texture)
+            else:
+                self.pool.release(texture)
+
+    def clear(self) -> None:
+        """Forget everything and free its memory."""
+        budget, self.budget = self.budget, 0
+        self.evict(())
+        self.pool.trim()
+        self.budget = budget

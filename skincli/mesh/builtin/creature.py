@@ -1,0 +1,708 @@
+"""The built-in creature: a bust with an octopus's cranium, heavy brows and a beard of tentacles.
+
+A character in the spirit of the test model of the seed paper (section 4.1), made of formulas only. The body is the zero
+set of a smooth scalar field, seen along rays that fan out from an axis; a tentacle is a tube swept along a grown curve,
+with suckers as displacement. Both are smooth surfaces over a rectangle of parameters, and a level of detail is nothing
+but how densely that rectangle is sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.ndimage import binary_dilation, gaussian_filter1d
+from scipy.signal import fftconvolve
+from scipy.spatial import cKDTree
+
+from skincli.mesh.builtin.flatten import relax
+from skincli.mesh.model import Mesh, Part
+
+Array = NDArray[np.float64]
+
+
+# ---------------------------------------------------------------------------------------------------------------- field
+
+
+def _smoothstep(a: float, b: float, x: Array) -> Array:
+    t = np.clip((x - a) / (b - a), 0.0, 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+
+
+def _smooth_min(a: Array, b: Array, width: float) -> Array:
+    """Minimum of two fields, rounded over `width` mm; cubic, so that curvature and highlights stay continuous."""
+    overlap = np.maximum(width - np.abs(a - b), 0.0) / width
+    return np.minimum(a, b) - overlap**3 * (width / 6.0)
+
+
+def _smooth_max(a: Array, b: Array, width: float) -> Array:
+    return -_smooth_min(-a, -b, width)
+
+
+def _ellipsoid(p: Array, center: tuple[float, ...], radii: tuple[float, ...], pitch: float = 0.0) -> Array:
+    """Distance to an ellipsoid, exact to first order near its surface; `pitch` turns it about x, in degrees."""
+    c, s = np.cos(np.radians(pitch)), np.sin(np.radians(pitch))
+    q = (p - np.array(center)) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
+    k0 = np.sqrt(np.einsum("ij,ij->i", q / radii, q / radii)) + 1e-9
+    q2 = q / np.square(radii)
+    return k0 * (k0 - 1.0) / (np.sqrt(np.einsum("ij,ij->i", q2, q2)) + 1e-9)
+
+
+def _cone(p: Array, a: tuple[float, ...], b: tuple[float, ...], ra: float, rb: float) -> Array:
+    """Distance to a round cone from `a` with radius `ra` to `b` with radius `rb`."""
+    start = np.array(a)
+    axis = np.array(b) - start
+    along = np.clip((p - start) @ axis / (axis @ axis), 0.0, 1.0)
+    rest = p - start - along[:, None] * axis
+    return np.sqrt(np.einsum("ij,ij->i", rest, rest)) - (ra + (rb - ra) * along)
+
+
+def _below_plane(q: Array, elevation: float, tilt: float) -> Array:
+    """Distance to the half space under a plane through 0 that rises by `elevation` forward and `tilt` outward."""
+    e, t = np.radians(elevation), np.radians(tilt)
+    return q @ np.array([-np.sin(t) * np.cos(e), np.cos(t) * np.cos(e), -np.sin(e)])
+
+
+def _gradient(field: Callable[[Array], Array], points: Array) -> Array:
+    """Unit gradient of a field, by central differences."""
+    step = 0.05
+    both = field(np.concatenate([points + sign * step * axis for axis in np.eye(3) for sign in (1.0, -1.0)]))
+    plus_minus = both.reshape(3, 2, len(points))
+    return _unit((plus_minus[:, 0] - plus_minus[:, 1]).T + 1e-12)
+
+
+def _bust(points: Array) -> Array:
+    """Signed distance, in mm and approximately, to the body without collars and folds; negative inside."""
+    x, y, z = points.T
+    # A slow warp takes the machine symmetry out of the face.
+    p = points + np.stack(
+        [
+            2.2 * np.sin(y / 47.0 + 0.6) + 1.2 * np.sin(z / 29.0),
+            1.6 * np.sin(x / 41.0 + 0.9),
+            1.5 * np.sin(x / 33.0 + y / 58.0),
+        ],
+        axis=1,
+    )
+    m = p.copy()
+    m[:, 0] = np.sqrt(p[:, 0] ** 2 + 9.0)  # a mirror without a crease
+
+    # Cranium and the mantle that sags behind it, to one side.
+    d = _ellipsoid(p, (0, 102, -20), (84, 78, 80), -12)
+    d = _smooth_min(d, _ellipsoid(p, (6, 84, -92), (64, 62, 58), 0), 50)
+    d = _smooth_min(d, _ellipsoid(p, (14, 20, -124), (40, 54, 34), 14), 46)
+    # Face: skull, cheeks, the pad from which the beard grows.
+    d = _smooth_min(d, _ellipsoid(p, (0, 30, 8), (64, 60, 58), 0), 30)
+    d = _smooth_min(d, _ellipsoid(p, (0, -24, 40), (54, 32, 36), 0), 30)
+    d = _smooth_min(d, _cone(p, (0, -30, 34), (0, -84, 22), 42, 26), 24)
+    d = _smooth_min(d, _ellipsoid(m, (50, 4, 32), (28, 22, 34), 20), 20)
+    d = _smooth_max(d, -_ellipsoid(m, (38, 36, 84), (25, 21, 26), 0), 22)
+    # Bridge: narrow between the eyes, spreading into the lip.
+    d = _smooth_min(d, _cone(m, (2, 70, 56), (3, 28, 68), 10, 9), 22)
+    d = _smooth_min(d, _cone(m, (3, 28, 68), (15, -10, 66), 9, 15), 20)
+    # Brows.
+    d = _smooth_min(d, _cone(m, (10, 57, 60), (36, 70, 60), 11, 14), 16)
+    d = _smooth_min(d, _cone(m, (36, 70, 60), (68, 58, 18), 14, 9), 20)
+    d = _smooth_min(d, _cone(m, (66, 58, 16), (62, 20, -2), 9, 6), 24)
+    d = _smooth_min(d, _ellipsoid(m, (38, 16, 52), (24, 13, 17), 0), 16)
+    # Eye: a bulge of lid skin, opened by a wedge whose edge lies inside the ball, so that the opening is an almond.
+    q = m - np.array((36.0, 38.0, 52.0))
+    ball = np.sqrt(np.einsum("ij,ij->i", q, q))
+    d = _smooth_min(d, ball - 23.0, 15)
+    above = _below_plane(q - (1.5, 0, 8), 24, 12)
+    below = _below_plane(q - (1.5, 0, 8), -22, 5)
+    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 3.0), ball - 24.5, 3.0), 6.0)
+    pupil = 1.4 * np.exp(-((q[:, 1] / 2.2) ** 2) - (q[:, 0] / 7.5) ** 2)
+    d = _smooth_min(d, ball - 20.8 + pupil, 1.5)
+    # Neck, shoulders, base.
+    d = _smooth_min(d, _cone(p, (0, 0, -44), (0, -160, -24), 60, 74), 50)
+    d = _smooth_min(d, _cone(m, (0, -122, -24), (84, -152, -28), 52, 36), 54)
+    d = _smooth_min(d, _ellipsoid(p, (0, -150, 0), (92, 70, 62), 0), 40)
+    # The rolled hem of the mantle about the neck's root.
+    around = np.arctan2(p[:, 0], p[:, 2] + 24.0)
+    ring = np.hypot(p[:, 0] / 1.22, p[:, 2] + 24.0) - 76.0
+    height = p[:, 1] + 112.0 + 5.0 * np.cos(around) - 3.5 * np.sin(3 * around + 1.0) - 2.0 * np.sin(7 * around)
+    d = _smooth_min(d, np.hypot(ring, height) - 9.0 - 1.5 * np.sin(5 * around + 2.0), 16)
+    # A siphon on one cheek only.
+    d = _smooth_min(d, _cone(p, (50, -2, -8), (84, -10, 2), 16, 11), 18)
+    d = _smooth_max(d, -_cone(p, (72, -7, -2), (108, -15, 8), 4.5, 8.5), 7)
+    d = _smooth_max(d, -171.0 - p[:, 1], 20)
+    return d
+
+
+# -------------------------------------------------------------------------------------------------------------- tentacles
+
+
+@dataclass(frozen=True)
+class _Arm:
+    """What makes one tentacle differ from the others; lengths in mm, angles in degrees.
+
+    Parameters
+    ----------
+    root : where it leaves the body, before it is moved onto the surface along `heading`
+    heading : direction in which it leaves
+    length, thickness : along the curve, and across at the root
+    weight : how strongly it gives in to gravity, per 100 mm
+    sway : turning to its left and right, degrees per 10 mm, and the number of waves
+    curl : how far the tip winds up toward the suckers, in degrees (negative: away), and where it starts, 0 to 1
+    suckers : direction toward which the suckers look at the root
+    twist : how far the suckers turn about the curve from root to tip
+    """
+
+    root: tuple[float, float, float]
+    heading: tuple[float, float, float]
+    length: float
+    thickness: float
+    weight: float = 2.0
+    sway: tuple[float, float] = (0.0, 1.0)
+    curl: tuple[float, float] = (360.0, 0.6)
+    suckers: tuple[float, float, float] = (0.0, -0.2, -1.0)
+    twist: float = 0.0
+
+
+_ARMS = (
+    # The lip: what the eye meets first.
+    _Arm((-15, -14, 75), (-0.35, -0.5, 0.9), 215, 19, 1.9, (15, 1.25), (450, 0.55), (0.8, 0, -0.6), 60),
+    _Arm((14, -17, 76), (0.3, -0.6, 0.9), 190, 20, 2.2, (-14, 1.1), (400, 0.52), (-0.9, 0, -0.4), -50),
+    _Arm((-40, -8, 66), (-0.9, -0.1, 0.7), 225, 18, 1.3, (9, 0.8), (500, 0.46), (0.2, -1, -0.3), 20),
+    _Arm((41, -10, 66), (0.95, 0.0, 0.6), 195, 19, 1.0, (-6, 0.9), (-460, 0.42), (-0.2, -1, -0.1), -30),
+    # Behind and between them.
+    _Arm((1, -36, 70), (0.05, -0.9, 0.6), 175, 17, 2.6, (13, 1.5), (-380, 0.6), (0.7, 0, 0.7), 70),
+    _Arm((-29, -35, 66), (-0.4, -0.8, 0.6), 190, 16, 2.2, (-13, 1.3), (430, 0.55), (-0.8, 0, 0.5), -50),
+    _Arm((30, -36, 66), (0.4, -0.8, 0.6), 200, 18, 2.2, (14, 1.2), (400, 0.58), (0.8, 0, 0.5), 60),
+    _Arm((-62, -20, 36), (-1, -0.2, 0.3), 235, 17, 1.1, (8, 1.0), (450, 0.5), (0, -1, 0.3), 70),
+    _Arm((63, -22, 36), (1, -0.4, 0.35), 215, 17, 1.3, (-10, 1.2), (420, 0.55), (0, -1, 0.3), -60),
+    _Arm((-50, -38, 48), (-0.7, -0.8, 0.5), 175, 15, 2.0, (10, 1.5), (380, 0.58), (0.6, 0, 0.8), 40),
+    _Arm((50, -40, 48), (0.7, -0.9, 0.5), 180, 14, 2.0, (-11, 1.4), (-440, 0.55), (-0.7, 0, 0.7), -40),
+    _Arm((-14, -52, 62), (-0.2, -1, 0.35), 150, 14, 2.4, (14, 1.1), (340, 0.6), (0.7, 0, 0.7), 30),
+    _Arm((17, -54, 62), (0.2, -1, 0.35), 140, 14, 2.4, (-14, 1.2), (-360, 0.55), (-0.7, 0, 0.7), -30),
+    # Whiskers.
+    _Arm((-27, -16, 72), (-0.5, -0.3, 1), 120, 8, 2.2, (22, 1.6), (300, 0.6)),
+    _Arm((29, -20, 72), (0.5, -0.4, 1), 105, 7, 2.0, (-22, 1.5), (360, 0.55)),
+    _Arm((0, -20, 76), (0.0, -0.4, 1), 125, 8, 3.0, (22, 1.7), (280, 0.6)),
+    _Arm((-55, -2, 52), (-1, 0.1, 0.7), 100, 7, 1.4, (16, 1.2), (400, 0.5)),
+    _Arm((54, -28, 54), (0.8, -0.5, 0.8), 105, 8, 1.8, (-18, 1.4), (330, 0.55)),
+)
+_TIP = 3.0  # thickness of every tentacle where its tip begins to round off, mm
+_SUNK = 8.0  # length of a tentacle that lies inside the body, mm
+_STEPS = 160  # points of a grown curve
+
+
+def _unit(v: Array) -> Array:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _across(v: Array, t: Array) -> Array:
+    """The part of `v` that is perpendicular to the unit vector `t`."""
+    return v - np.sum(v * t, axis=-1, keepdims=True) * t
+
+
+def _table(name: str) -> Array:
+    return np.array([getattr(arm, name) for arm in _ARMS], dtype=float)
+
+
+@cache
+def _roots() -> tuple[Array, Array]:
+    """Where the tentacles leave the bust, (n, 3) mm, and their unit headings, (n, 3)."""
+    heading = _unit(_table("heading"))
+    point = _table("root") + 60.0 * heading
+    for _ in range(60):
+        point -= 0.8 * _bust(point)[:, None] * heading
+    return point, heading
+
+
+def _radius(u: Array, thickness: Array) -> Array:
+    """Radius of a tentacle, without its tip's rounding, at the fraction `u` of its length."""
+    u = np.clip(u, 0.0, 1.0)
+    return 0.5 * (_TIP + (thickness - _TIP) * (1.0 - u))
+
+
+@cache
+def _curves() -> tuple[Array, Array]:
+    """Center lines, (n, steps + 1, 3) mm, and directions of the suckers, (n, steps + 1, 3), of all tentacles.
+
+    They grow side by side, turned by gravity, by their own sway and curl, and away from the body; then they push
+    each other apart.
+    """
+    start, t = _roots()
+    length, thickness = _table("length"), _table("thickness")
+    sway, curl = _table("sway"), _table("curl")
+    twist = np.radians(_table("twist"))
+    weight = _table("weight") / 100.0
+    v = _unit(_across(_table("suckers"), t))
+    x = start - _SUNK * t
+    step = ((length + _SUNK) / _STEPS)[:, None]
+    points, ventral = [x], [v]
+    for k in range(_STEPS):
+        u = np.full(len(x), (k + 0.5) / _STEPS)
+        out = step[:, 0] * k > _SUNK + 6.0
+        radius = _radius(u, thickness)
+        hang = (weight * (1.0 - _smoothstep(0.45, 1.0, u)))[:, None]
+        turn = hang * _across(np.array([0.0, -1.0, 0.0]), t)
+        wave = np.radians(sway[:, 0]) / 10.0 * np.sin(2 * np.pi * sway[:, 1] * u) * (1.0 - curl[:, 1] * u)
+        turn += wave[:, None] * _across(np.array([1.0, 0.0, 0.3]), t)
+        wind = np.clip((u - curl[:, 1]) / (1.0 - curl[:, 1]), 0.0, 1.0) ** 1.2
+        turn += (np.radians(curl[:, 0]) * 2.2 / ((1.0 - curl[:, 1]) * length) * wind)[:, None] * v
+        # What would sink below the base turns up again.
+        turn += (0.05 * np.clip((-135.0 - x[:, 1]) / 30.0, 0.0, 1.0))[:, None] * _across(np.array([0.0, 1.0, 0.0]), t)
+        near = _bust(x) - radius - 5.0
+        away = _gradient(_bust, x)
+        turn += (out * np.clip(-near, 0.0, 12.0) * 0.006)[:, None] * _across(away, t)
+        # A bend tighter than the tube is thick would fold its inner side.
+        bend = np.linalg.norm(turn, axis=1)
+        turn *= np.minimum(1.0, 0.6 / radius / (bend + 1e-9))[:, None]
+        t = _unit(t + step * turn)
+        v = _unit(_across(v, t))
+        v = _unit(v + step * (twist / (length + _SUNK))[:, None] * np.cross(t, v))
+        x = x + step * t
+        points.append(x)
+        ventral.append(v)
+    line, side = np.stack(points, axis=1), np.stack(ventral, axis=1)
+    return _separate(line, thickness), side
+
+
+def _separate(line: Array, thickness: Array) -> Array:
+    """Push center lines off each other and off the body until the tubes no longer cut, keeping their forms."""
+    count, steps, _ = line.shape
+    u = np.linspace(0.0, 1.0, steps)
+    radius = _radius(u[None, :], thickness[:, None]).ravel()
+    owner = np.repeat(np.arange(count), steps)
+    index = np.tile(np.arange(steps), count)
+    spacing = np.linalg.norm(np.diff(line, axis=1), axis=2).mean(axis=1)[owner]
+    free = _smoothstep(0.04, 0.22, u)[None, :, None]
+    for _ in range(40):
+        flat = line.reshape(-1, 3)
+        pairs = cKDTree(flat).query_pairs(2.3 * radius.max(), output_type="ndarray")
+        i, j = pairs.T
+        apart = (owner[i] != owner[j]) | (np.abs(index[i] - index[j]) * spacing[i] > 3.2 * (radius[i] + radius[j]))
+        i, j = i[apart], j[apart]
+        gap = flat[i] - flat[j]
+        distance = np.linalg.norm(gap, axis=1) + 1e-9
+        lack = 1.22 * (radius[i] + radius[j]) - distance
+        i, j, gap, distance, lack = i[lack > 0], j[lack > 0], gap[lack > 0], distance[lack > 0], lack[lack > 0]
+        push = np.zeros_like(flat)
+        hits = np.zeros(len(flat))
+        # The thinner one gives way.
+        share = (radius[j] ** 2 / (radius[i] ** 2 + radius[j] ** 2))[:, None]
+        force = gap * (lack / distance)[:, None]
+        np.add.at(push, i, force * share)
+        np.add.at(push, j, -force * (1.0 - share))
+        np.add.at(hits, i, 1.0)
+        np.add.at(hits, j, 1.0)
+        push /= np.maximum(hits, 1.0)[:, None]
+        sunk = np.clip(radius * 1.02 - _bust(flat), 0.0, None)
+        push += sunk[:, None] * _gradient(_bust, flat)
+        push = gaussian_filter1d(push.reshape(line.shape) * free, 5.0, axis=1, mode="nearest")
+        line = line + 0.9 * push * free
+    return line
+
+
+# ------------------------------------------------------------------------------------------------------------------ body
+
+_HEAD = np.array([0.0, 24.0, -22.0])
+
+
+def _rays(s: Array, theta: Array) -> tuple[Array, Array]:
+    """Ray of the body's parameters: s from 0 at the crown's pole to 1 under the base, theta in radians, 0 in front."""
+    s = np.asarray(s, float)
+    polar = np.minimum(s / 0.45, 1.0)
+    elevation = np.pi / 2 * (1.0 - polar) - 0.2 * _smoothstep(0.45, 0.6, s)
+    elevation = elevation + 0.3 * _smoothstep(0.58, 0.88, s) - 0.46 * _smoothstep(0.88, 1.0, s)
+    # The pole leans back, out of the front view.
+    lean = np.radians(52.0) * (1.0 - _smoothstep(0.0, 0.5, s))
+    x = np.cos(elevation) * np.sin(theta)
+    y = np.sin(elevation)
+    z = np.cos(elevation) * np.cos(theta)
+    direction = np.stack([x, y * np.cos(lean) + z * np.sin(lean), z * np.cos(lean) - y * np.sin(lean)], axis=-1)
+    down = np.clip((s - 0.45) / 0.55, 0.0, 1.0)
+    origin = _HEAD + np.stack([0 * s, -174.0 * down**1.1, 12.0 * down], axis=-1)
+    return origin, direction
+
+
+def _body_points(field: Callable[[Array], Array], s: Array, theta: Array) -> Array:
+    origin, direction = _rays(s, theta)
+    t = np.full(len(s), 190.0)
+    active = np.arange(len(s))
+    for _ in range(60):
+        d = field(origin[active] + t[active, None] * direction[active])
+        t[active] -= 0.85 * d
+        active = active[np.abs(d) > 1e-4]
+        if not len(active):
+            break
+    return origin + t[:, None] * direction
+
+
+def _flesh(points: Array) -> Array:
+    """Signed distance to the bust with the sheaths from which the tentacles come."""
+    d = _bust(points)
+    for (a, b, c), thick in zip(_sheaths(), _table("thickness"), strict=True):
+        sheath = np.minimum(_cone(points, a, b, 0.78 * thick, 0.55 * thick), _cone(points, b, c, 0.55 * thick, 0.4 * thick))
+        d = _smooth_min(d, sheath, 9)
+    return d
+
+
+@cache
+def _sheaths() -> Array:
+    """Three points along the root of each tentacle, (n, 3, 3) mm, about which the flesh rises to meet it."""
+    line, _ = _curves()
+    places = np.array([0.0, _SUNK + 3.0, _SUNK + 12.0])
+    spans = np.linalg.norm(np.diff(line, axis=1), axis=2).mean(axis=1)
+    return np.stack([CubicSpline(np.arange(_STEPS + 1) * span, curve)(places) for curve, span in zip(line, spans, strict=True)])
+
+
+def _groove(distance: Array, width: float) -> Array:
+    """Profile of a crease between two swellings: -1 in the middle, a little above 0 beside it."""
+    q = (distance / width) ** 2
+    return (1.1 * q - 1.0) * np.exp(-q)
+
+
+@cache
+def _warts() -> tuple[Array, Array, Array]:
+    """Centers (n, 3), radii (n,) and heights (n,) of the warts, mm."""
+    count = 190
+    k = np.arange(count)
+    # Golden-angle spiral, loosened by irrational multiples: even, without order, and without a random generator.
+    s = 0.56 * np.sqrt((k + 0.5) / count) + 0.02 * np.sin(12.9898 * k)
+    theta = np.pi - np.mod(2.39996323 * k + 0.4 * np.sin(78.233 * k), 2 * np.pi)
+    radius = 4.5 + 8.0 * (0.5 + 0.5 * np.sin(37.719 * k + 1.0)) ** 5
+    center = _body_points(_bust, np.abs(s), theta)
+    face = np.exp(-((center[:, 0] / 62) ** 4) - ((center[:, 1] - 45) / 62) ** 4) * (center[:, 2] > 0)
+    height = radius * (0.10 + 0.13 * np.sin(23.14 * k) ** 2) * (1.0 - face)
+    return center, radius, height
+
+
+def _relief(p: Array) -> Array:
+    """Height in mm of folds, warts and slits over the flesh."""
+    x, y, z = p.T
+    h = np.zeros(len(p))
+    center, radius, height = _warts()
+    near = cKDTree(p).query_ball_point(center, radius)
+    for wart, (i, c, r, top) in enumerate(zip(near, center, radius, height, strict=True)):
+        if i:
+            q = np.sum((p[i] - c) ** 2, axis=1) / r**2
+            # Every fifth has a crater.
+            h[i] += top * ((1.0 - q) ** 3 - (wart % 5 == 0) * 1.2 * np.clip(1.0 - 3.0 * q, 0.0, None) ** 3)
+    front = _smoothstep(0.0, 40.0, z)
+    m = np.sqrt(x**2 + 4.0)
+    # Two lobes of the mantle, and swellings that run over it from brow to nape.
+    top = _smoothstep(84.0, 128.0, y + 0.55 * np.maximum(-z, 0.0))
+    h += 3.2 * top * _groove(x + 5.0 * np.sin(z / 31.0 + y / 45.0), 15.0)
+    h += 0.7 * top * np.cos(2 * np.pi * (m + 6.0 * np.sin(z / 37.0) + 3.0 * np.sin(y / 19.0)) / 27.0)
+    # Forehead: folds that hang from the middle like a curtain.
+    drop = y - 86.0 - 0.008 * x**2 + 3.0 * np.sin(x / 13.0 + 0.5)
+    mask = np.exp(-((x / 44) ** 4) - ((y - 97) / 17) ** 4) * front
+    h += 1.5 * mask * _groove(drop - 15.0 * np.round(drop / 15.0), 4.8)
+    # Frown lines.
+    mask = np.exp(-(((y - 68) / 15) ** 4)) * front
+    h += 2.4 * mask * _groove(m - 7.0 - 0.1 * (y - 66), 3.4)
+    # Bags under the eyes.
+    ex, ey = m - 36.0, y - 38.0
+    far = np.hypot(ex, 1.15 * ey)
+    under = _smoothstep(0.0, 18.0, -ey - 0.3 * np.abs(ex)) * front
+    h += under * 1.3 * _groove(far - 29.5, 3.8)
+    # Crow's feet.
+    angle = np.arctan2(ey, ex)
+    mask = np.exp(-(((far - 38.0) / 12.0) ** 4)) * np.exp(-((angle / 0.7) ** 4)) * _smoothstep(-40.0, 0.0, z)
+    h += 0.7 * mask * np.cos(angle * 9.0)
+    # Folds from the bridge round the cheeks.
+    far = np.hypot(m - 64.0, y + 6.0)
+    mask = np.exp(-(((np.arctan2(y + 6.0, 64.0 - m) - 0.15) / 0.8) ** 4)) * front
+    h += mask * 2.2 * _groove(far - 33.0, 4.0)
+    # Gill slits on the sides of the neck.
+    for k in range(3):
+        gx = z + 34.0 + 0.45 * (y + 62.0) - 15.0 * (k - 1) - 0.008 * (y + 62.0) ** 2
+        h += 3.4 * np.exp(-(((y + 62.0) / 19.0) ** 4)) * _groove(gx, 4.2) * _smoothstep(25.0, 45.0, m)
+    # Sinews of the neck, swellings of the mantle's hem.
+    around = np.arctan2(x, z + 24.0)
+    h += 0.9 * np.exp(-(((y + 70.0) / 36.0) ** 4)) * np.cos(17 * around + 2.0 * np.sin(y / 21.0))
+    drape = 1.0 - _smoothstep(-146.0, -118.0, y)
+    h += 2.4 * drape * np.cos(11 * around + 0.9 * np.sin(y / 24.0) + 1.5 * np.sin(2 * around))
+    h += 0.4 * np.sin(x / 7.1 + 1.7 * np.sin(y / 16.0)) * np.sin(y / 8.3 + 1.3 * np.sin(z / 14.0)) * np.sin(z / 9.2)
+    return h
+
+
+def _skin(points: Array) -> Array:
+    """The whole body's field: flesh under its relief."""
+    return _flesh(points) - _relief(points)
+
+
+# ---------------------------------------------------------------------------------------------------------------- sampling
+
+
+def _stitch(rings: list[tuple[int, Array]]) -> NDArray[np.int32]:
+    """Triangles between consecutive rings, each given as its first vertex and its ascending places along the ring."""
+    faces = []
+    for (first_a, a), (first_b, b) in pairwise(rings):
+        mid_a, mid_b = 0.5 * (a[1:] + a[:-1]), 0.5 * (b[1:] + b[:-1])
+        apex_b = first_b + np.searchsorted(mid_b, mid_a, side="left")
+        apex_a = first_a + np.searchsorted(mid_a, mid_b, side="right")
+        left_a = first_a + np.arange(len(mid_a))
+        left_b = first_b + np.arange(len(mid_b))
+        faces += [np.stack([left_a, left_a + 1, apex_b], 1), np.stack([left_b, apex_a, left_b + 1], 1)]
+    return np.concatenate(faces).astype(np.int32)[:, ::-1]
+
+
+def _refine(knots: Array, level: int) -> Array:
+    """Knots of the finest level's third, taken every second, as they are, or halved."""
+    if level == 0:
+        return knots[::2]
+    if level == 1:
+        return knots
+    return np.interp(np.arange(2 * len(knots) - 1) / 2.0, np.arange(len(knots)), knots)
+
+
+_PITCH = 1.5  # distance of suckers along a row, in radii of the tentacle
+_SUCKER = 0.56  # radius of a sucker's outer foot's inner rim, in radii of the tentacle
+_ROW = 0.62  # angle of a row of suckers from the middle of the ventral side, radians
+# Around a tentacle, from the ventral middle to the back: dense over the suckers.
+_AROUND = np.array([0.0, 0.24, 0.62, 1.0, 1.38, 1.8, 2.25, 2.7, np.pi])
+_AROUND_TIP = np.linspace(0.0, np.pi, 6)
+
+
+class _Tube:
+    """One tentacle: a surface over (arc length, angle about the curve), where angle 0 is its ventral middle."""
+
+    def __init__(self, arm: _Arm, line: Array, ventral: Array) -> None:
+        self.arm = arm
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        self.length = float(arc[-1])
+        self.line = CubicSpline(arc, line)
+        self.ventral = CubicSpline(arc, ventral)
+        self.tip = 0.5 * _TIP
+        # Suckers follow each other at a distance that shrinks with the radius.
+        centers = [_SUNK + 14.0]
+        while self.radius(np.array([centers[-1]]))[0] > 3.0 and centers[-1] < 0.93 * self.length:
+            centers.append(centers[-1] + _PITCH * float(self.radius(np.array([centers[-1]]))[0]))
+        self.centers = np.array(centers)
+
+    def radius(self, arc: Array) -> Array:
+        full = _radius(arc / self.length, np.array(self.arm.thickness))
+        end = np.clip((arc - self.length + self.tip) / self.tip, 0.0, 1.0)
+        return full * np.sqrt(np.maximum(1.0 - end**2, 0.0))
+
+    def point(self, arc: Array, angle: Array) -> Array:
+        t = _unit(self.line(arc, 1))
+        v = _unit(_across(self.ventral(arc), t))
+        radius = self.radius(arc) + self._suckers(arc, angle)
+        return self.line(arc) + radius[:, None] * (np.cos(angle)[:, None] * v + np.sin(angle)[:, None] * np.cross(v, t))
+
+    def _suckers(self, arc: Array, angle: Array) -> Array:
+        """Height of the suckers over the tube: a raised ring about a cup, two rows that alternate."""
+        count = len(self.centers)
+        radius = np.maximum(self.radius(arc), 1e-6)
+        place = np.interp(arc, self.centers, np.arange(count, dtype=float), left=-5.0, right=count + 5.0)
+        height = np.zeros(len(arc))
+        for side, shift in ((1.0, 0.0), (-1.0, 0.5)):
+            nearest = np.clip(np.round(place - shift), 0, count - 2) + shift
+            along = (place - nearest) * _PITCH
+            around = angle - side * _ROW
+            around = around - 2 * np.pi * np.round(around / (2 * np.pi))
+            q = np.sqrt(along**2 + around**2) / _SUCKER
+            ring = 0.62 * (1.0 - _smoothstep(0.68, 1.3, q)) - 0.85 * (1.0 - _smoothstep(0.0, 0.76, q))
+            fade = _smoothstep(-0.5, 2.5, nearest) * (1.0 - _smoothstep(count - 5.0, count - 1.0, nearest))
+            height += ring * fade
+        return height * _SUCKER * radius
+
+    def chart_samples(self) -> Array:
+        arc, angle = np.meshgrid(np.linspace(0.0, self.length, 200), np.linspace(-np.pi, np.pi, 61))
+        return np.stack([arc.ravel(), (angle * self.radius(arc)).ravel()], axis=1)
+
+    def knots(self, level: int) -> list[tuple[Array, bool]]:
+        """Arc lengths of the rings, and whether each is dense enough to carry suckers."""
+        rows = np.interp(np.arange(4 * len(self.centers) - 3) / 4.0, np.arange(len(self.centers)), self.centers)
+        root = np.linspace(0.0, rows[0], 5)[:-1]
+        cap = self.length - self.tip
+        tail = max(2, 2 * round((cap - rows[-1]) / 6.0))
+        tail_rows = np.linspace(rows[-1], cap, tail + 1)[1:]
+        end = cap + self.tip * np.sin(np.pi / 2 * np.array([0.3, 0.6, 0.85, 1.0]))
+        knots = np.concatenate([root, rows, tail_rows, end])
+        fine = _refine(knots, level)
+        return fine, fine <= rows[-1] + 1e-9
+
+    def mesh(self, level: int) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+        """Positions, normals, chart (arc length, signed width; mm) and faces."""
+        arcs, dense = self.knots(level)
+        around = {flag: _refine(np.concatenate([-half[:0:-1], half]), level) for flag, half in ((True, _AROUND), (False, _AROUND_TIP))}
+        rings, arc_list, angle_list, first = [], [], [], 0
+        for arc, flag in zip(arcs[:-1], dense[:-1], strict=True):
+            ring = around[bool(flag)]
+            rings.append((first, ring))
+            arc_list.append(np.full(len(ring), arc))
+            angle_list.append(ring)
+            first += len(ring)
+        rings.append((first, np.zeros(1)))
+        arc = np.concatenate([*arc_list, arcs[-1:]])
+        angle = np.concatenate([*angle_list, np.zeros(1)])
+        position = self.point(arc, angle)
+        da, dt = 0.02, 0.002
+        low, high = np.clip(arc - da, 0, self.length - 1e-3), np.clip(arc + da, 0, self.length - 1e-3)
+        along = self.point(high, angle) - self.point(low, angle)
+        inner = np.minimum(arc, self.length - 1e-3)
+        across = self.point(inner, angle + dt) - self.point(inner, angle - dt)
+        normal = _unit(np.cross(along, across))
+        normal[-1] = _unit(self.line(self.length, 1))
+        chart = np.stack([arc, angle * self.radius(arc)], axis=1)
+        return position, normal, chart, _stitch(rings)
+
+
+def _settle(field: Callable[[Array], Array], points: Array, direction: Array) -> Array:
+    """Move points that are near the zero set of `field` onto it, along their rays."""
+    for _ in range(8):
+        points = points - 0.8 * field(points)[:, None] * direction
+    return points
+
+
+class _Body:
+    """The bust: a surface over (s, theta) as in `_rays`, seen from the axis."""
+
+    def __init__(self) -> None:
+        s = np.linspace(0.0, 1.0, 49)
+        theta = np.linspace(-np.pi, np.pi, 65)
+        grid = np.meshgrid(s, theta, indexing="ij")
+        points = _body_points(_bust, grid[0].ravel(), grid[1].ravel()).reshape(len(s), len(theta), 3)
+        points = gaussian_filter1d(points, 1.0, axis=0, mode="nearest")
+        points[:, :-1] = gaussian_filter1d(points[:, :-1], 1.0, axis=1, mode="wrap")
+        points[:, -1] = points[:, 0]
+        points[0] = points[0].mean(axis=0)
+        flat = _flatten_grid(points, theta)
+        self._chart = [RectBivariateSpline(s, theta, flat[..., k]) for k in range(2)]
+
+    def chart(self, s: Array, theta: Array) -> Array:
+        return np.stack([spline.ev(s, theta) for spline in self._chart], axis=-1)
+
+    def mesh(self, level: int) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+        dense = np.linspace(0.0, 1.0, 4001)
+        weight = 0.7 + 2.0 * _smoothstep(0.15, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.7, dense))
+        weight += 0.7 * _smoothstep(0.8, 0.88, dense)
+        total = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
+        places = np.interp(np.linspace(0.0, total[-1], 74 * 2**level + 1), total, dense)
+        rings, s_list, theta_list, first = [], [], [], 1
+        for s in places[1:]:
+            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 54 * np.tanh(4.0 * s)) * 2.0 ** (level - 1)) + 1)
+            pull = 0.2 * _smoothstep(0.06, 0.3, np.array(s))
+            theta = np.pi * turn - pull * np.pi * np.sin(np.pi * turn)
+            rings.append((first, turn))
+            s_list.append(np.full(len(theta), s))
+            theta_list.append(theta)
+            first += len(theta)
+        s, theta = np.concatenate([np.zeros(1), *s_list]), np.concatenate([np.zeros(1), *theta_list])
+        position = _settle(_skin, _body_points(_flesh, s, theta), _rays(s, theta)[1])
+        return position, _gradient(_skin, position), self.chart(s, theta), _stitch([(0, np.zeros(1)), *rings])
+
+
+def _flatten_grid(points: Array, theta: Array) -> Array:
+    """Lay a grid with the topology of a capped cylinder, cut along its back, flat with little stretch.
+
+    Parameters
+    ----------
+    points : (m, n, 3) mm, the first row one point, first and last column the two sides of the cut
+    theta : (n,) radians, angle of each column
+
+    Returns
+    -------
+    (m, n, 2) mm
+    """
+    rows, columns, _ = points.shape
+    index = np.concatenate([np.zeros((1, columns), int), 1 + np.arange((rows - 1) * columns).reshape(-1, columns)])
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = np.concatenate([np.stack(q, axis=-1).reshape(-1, 3) for q in ((a, b, c), (a, c, d))])
+    faces = faces[faces[:, 0] != faces[:, 2]]
+    # Start as a fan about the pole, which nothing can overlap.
+    reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1))])
+    fan = (reach[:, None, None] * np.stack([np.sin(0.5 * theta), -np.cos(0.5 * theta)], axis=-1)).reshape(-1, 2)
+    once = np.concatenate([[0], np.arange(columns, rows * columns)])
+    flat = relax(points.reshape(-1, 3)[once], faces, fan[once], 12)
+    return flat[index]
+
+
+_CELL = 2.5  # raster on which charts are packed, mm
+
+
+def _pack(charts: list[Array]) -> tuple[list[tuple[int, Array]], float]:
+    """Place charts, given as dense samples in mm, in a square without overlap, the largest first.
+
+    Returns
+    -------
+    placements : for each chart, its quarter turns and the shift that follows, (2,) mm
+    side : of the square, mm
+    """
+    masks: list[list[tuple[NDArray[np.bool_], Array]]] = []
+    for points in charts:
+        options = []
+        for quarter in range(4):
+            p = points @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter)
+            low = p.min(axis=0) - 1.5 * _CELL
+            cell = ((p - low) / _CELL).astype(int)
+            mask = np.zeros(cell.max(axis=0) + 2, dtype=bool)
+            mask[cell[:, 0], cell[:, 1]] = True
+            options.append((binary_dilation(mask, np.ones((3, 3), bool)), low))
+        masks.append(options)
+    order = sorted(range(len(charts)), key=lambda k: -int(masks[k][0][0].sum()))
+    cells = int(np.sqrt(sum(option[0][0].sum() for option in masks) / 0.84))
+    while True:
+        placements = _place([masks[k] for k in order], cells)
+        if placements is not None:
+            break
+        cells = int(cells * 1.02) + 1
+    result: list[tuple[int, Array]] = [(0, np.zeros(2))] * len(charts)
+    for k, (quarter, corner) in zip(order, placements, strict=True):
+        result[k] = (quarter, corner * _CELL - masks[k][quarter][1])
+    return result, cells * _CELL
+
+
+def _place(masks: list[list[tuple[NDArray[np.bool_], Array]]], cells: int) -> list[tuple[int, Array]] | None:
+    """Greedy packing: each chart goes, in one of four turns, where it stays lowest; None when one does not fit."""
+    taken = np.zeros((cells, cells))
+    placements = []
+    for options in masks:
+        best = None
+        for quarter, (mask, _) in enumerate(options):
+            if mask.shape[0] > cells or mask.shape[1] > cells:
+                continue
+            free = np.argwhere(fftconvolve(taken, mask[::-1, ::-1], mode="valid") < 0.5)
+            if len(free):
+                cost = free[:, 1] + mask.shape[1] + 0.02 * free[:, 0]
+                k = int(np.argmin(cost))
+                if best is None or cost[k] < best[0]:
+                    best = (cost[k], quarter, free[k])
+        if best is None:
+            return None
+        _, quarter, corner = best
+        mask = options[quarter][0]
+        taken[corner[0] : corner[0] + mask.shape[0], corner[1] : corner[1] + mask.shape[1]] += mask
+        placements.append((quarter, corner.astype(float)))
+    return placements
+
+
+def creature(detail: str = "65k") -> Mesh:
+    import time
+    t0=time.time()
+    level = {"16k": 0, "65k": 1, "259k": 2}[detail]
+    line, ventral = _curves()
+    print("curves", time.time()-t0)
+    body = _Body()
+    print("flat", time.time()-t0)
+    tubes = [_Tube(arm, l, v) for arm, l, v in zip(_ARMS, line, ventral, strict=True)]
+    samples = [body.chart(*(g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))))]
+    samples += [tube.chart_samples() for tube in tubes]
+    placements, side = _pack(samples)
+    print("pack", time.time()-t0, side)
+    pieces = [body.mesh(level), *(tube.mesh(level) for tube in tubes)]
+    position = np.concatenate([piece[0] for piece in pieces])
+    normal = np.concatenate([piece[1] for piece in pieces])
+    uv = np.concatenate(
+        [
+            piece[2] @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter) + shift
+            for piece, (quarter, shift) in zip(pieces, placements, strict=True)
+        ]
+    ) / side
+    first = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
+    faces = np.concatenate([piece[3] + start for piece, start in zip(pieces, first[:-1], strict=True)]).astype(np.int32)
+    count = len(pieces[0][3])
+    print("faces: body", count, "arms", len(faces) - count, time.time()-t0)
+    parts = (Part("body", 0, count), Part("tentacles", count, len(faces)))
+    return Mesh(position, normal, uv, uv, faces, parts)

@@ -1,0 +1,216 @@
+"""Flatten a triangle mesh into few charts: cut along chosen edges, lower the stretch, pack into the unit square."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def half_edges(faces: Ints) -> Ints:
+    """Return the (3 m, 2) directed edges of (m, 3) faces; edge e of face f lies at row 3 f + e and starts at corner e."""
+    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def cut(faces: Ints, seams: Ints) -> Ints:
+    """Return faces of equal shape whose vertices are split along `seams`.
+
+    Parameters
+    ----------
+    faces : (m, 3) vertex numbers of a manifold mesh
+    seams : (k, 2) vertex pairs, in any order and direction, that become borders
+    """
+    edges = half_edges(faces)
+    count = int(faces.max()) + 1
+    code = np.sort(edges, axis=1) @ np.array([count, 1])
+    order = np.argsort(code, kind="stable")
+    paired = np.flatnonzero(code[order][1:] == code[order][:-1])
+    first, second = order[paired], order[paired + 1]
+    keep = ~np.isin(code[first], np.sort(seams, axis=1) @ np.array([count, 1]))
+    first, second = first[keep], second[keep]
+    # Two faces run an edge in opposite directions: the start of one is the end of the other.
+    end_of = np.arange(len(edges)).reshape(-1, 3)
+    end_of = np.roll(end_of, -1, axis=1).ravel()
+    left, right = np.concatenate([first, end_of[first]]), np.concatenate([end_of[second], second])
+    graph = sp.coo_matrix((np.ones(len(left)), (left, right)), shape=(len(edges), len(edges)))
+    corners: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
+    return corners.reshape(-1, 3)
+
+
+def border(faces: Ints) -> Ints:
+    """Return the vertices of the longest border loop of `faces` in order, counter-clockwise for an upward disk."""
+    edges = half_edges(faces)
+    count = int(faces.max()) + 1
+    forward, backward = edges @ np.array([count, 1]), edges[:, ::-1] @ np.array([count, 1])
+    open_edges = edges[~np.isin(forward, backward)]
+    following = dict(open_edges.tolist())
+    loops: list[list[int]] = []
+    while following:
+        start = next(iter(following))
+        loop, vertex = [start], following.pop(start)
+        while vertex != start:
+            loop.append(vertex)
+            vertex = following.pop(vertex)
+        loops.append(loop)
+    return np.array(max(loops, key=len))
+
+
+def disk(positions: Floats, faces: Ints) -> Floats:
+    """Flatten a disk without any overlap: its border on a circle, each inner vertex in the middle of its neighbors.
+
+    Parameters
+    ----------
+    positions : (n, 3) in mm
+    faces : (m, 3) of one chart with one border; every vertex is used
+
+    Returns
+    -------
+    (n, 2) coordinates in mm, scaled to the chart's area (W. T. Tutte, "How to draw a graph", 1963)
+    """
+    loop = border(faces)
+    steps = np.linalg.norm(positions[loop] - positions[np.roll(loop, -1)], axis=1)
+    angle = 2 * np.pi * np.concatenate([[0], np.cumsum(steps)[:-1]]) / steps.sum()
+    edges = np.unique(np.sort(half_edges(faces), axis=1), axis=0)
+    count = len(positions)
+    weights = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    weights = (weights + weights.T).tocsr()
+    laplacian = (sp.diags(np.asarray(weights.sum(axis=1)).ravel()) - weights).tocsr()
+    inner = np.setdiff1d(np.arange(count), loop)
+    uv = np.zeros((count, 2))
+    uv[loop] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    solver = splu(laplacian[inner][:, inner].tocsc())
+    uv[inner] = solver.solve(-laplacian[inner][:, loop] @ uv[loop])
+    return uv * np.sqrt(_areas(positions, faces).sum() / np.pi)
+
+
+def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats:
+    """Lower the stretch of a flattening, never turning a triangle over.
+
+    Minimizes the symmetric Dirichlet energy, which is least where lengths in mm are kept, by reweighted least squares
+    (M. Rabinovich et al., "Scalable Locally Injective Mappings", 2017).
+
+    Parameters
+    ----------
+    positions : (n, 3) in mm
+    faces : (m, 3)
+    uv : (n, 2) in mm, every triangle counter-clockwise
+    iterations : number of least-squares steps, each with a line search
+
+    Returns
+    -------
+    (n, 2) in mm
+    """
+    gradient, area = _gradients(positions, faces)
+    count = len(positions)
+    derivative = [
+        sp.csr_matrix(
+            (gradient[:, :, axis].ravel(), (np.repeat(np.arange(len(faces)), 3), faces.ravel())), (len(faces), count)
+        )
+        for axis in range(2)
+    ]
+    stacked = sp.vstack(derivative).tocsr()
+    mass = sp.identity(2 * count) * (1e-4 * area.sum() / count / area.mean())
+
+    def jacobians(points: Floats) -> Floats:
+        return np.stack([d @ points for d in derivative], axis=2)
+
+    def energy(points: Floats) -> float:
+        jacobian = jacobians(points)
+        det = np.linalg.det(jacobian)
+        if det.min() <= 0:
+            return np.inf
+        return float(np.sum(area * np.sum(jacobian**2, axis=(1, 2)) * (1 + det**-2)))
+
+    current = energy(uv)
+    for _ in range(iterations):
+        left, sigma, right = np.linalg.svd(jacobians(uv))
+        # Weights that give the quadratic proxy the energy's own gradient at the nearest rotation (Eq. 10 of the paper).
+        slope = sigma - sigma**-3
+        offset = sigma - 1
+        near = np.abs(offset) < 1e-4
+        weight = np.sqrt(np.where(near, 4.0, slope / np.where(near, 1.0, offset)))
+        local = np.einsum("fij,fj,fkj->fik", left, weight, left)
+        target = left @ right
+        root = np.sqrt(area)[:, None, None]
+        local, goal = local * root, (local @ target) * root
+        rows = []
+        values = []
+        for i in range(2):
+            blocks = [sp.diags(local[:, i, k]) for k in range(2)]
+            for axis in range(2):
+                rows.append(sp.hstack([blocks[0] @ derivative[axis], blocks[1] @ derivative[axis]]))
+                values.append(goal[:, i, axis])
+        matrix = sp.vstack(rows).tocsr()
+        flat = uv.T.ravel()
+        system = (matrix.T @ matrix + mass).tocsc()
+        aim = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
+            matrix.T @ np.concatenate(values) + mass @ flat
+        )
+        step = (aim - flat).reshape(2, -1).T
+        length = min(1.0, 0.9 * _first_flip(uv, step, faces))
+        while (trial := energy(uv + length * step)) > current and length > 1e-6:
+            length *= 0.5
+        if trial >= current * (1 - 1e-6):
+            break
+        uv, current = uv + length * step, trial
+    del stacked
+    return uv
+
+
+def pack(charts: Sequence[Floats], margin: float) -> list[Floats]:
+    """Lay charts into the unit square at one common scale.
+
+    Parameters
+    ----------
+    charts : (n, 2) coordinates in mm, the largest first
+    margin : free border round each chart, as a part of the square's side
+
+    Returns
+    -------
+    the charts in [0, 1], the first turned so that its bounding square is least, each further one where it costs least
+    """
+    raise NotImplementedError
+
+
+def _areas(positions: Floats, faces: Ints) -> Floats:
+    corner = positions[faces]
+    return 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+
+
+def _gradients(positions: Floats, faces: Ints) -> tuple[Floats, Floats]:
+    """Return (m, 3, 2) gradients of the hat functions in each triangle's own plane and (m,) areas."""
+    corner = positions[faces]
+    first, second = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    length = np.linalg.norm(first, axis=1)
+    along = first / length[:, None]
+    x = np.sum(second * along, axis=1)
+    y = np.linalg.norm(second - x[:, None] * along, axis=1)
+    zero = np.zeros_like(x)
+    plane = np.stack([np.stack([zero, zero], 1), np.stack([length, zero], 1), np.stack([x, y], 1)], axis=1)
+    opposite = np.roll(plane, -2, axis=1) - np.roll(plane, -1, axis=1)
+    double = length * y
+    gradient = np.stack([-opposite[:, :, 1], opposite[:, :, 0]], axis=2) / double[:, None, None]
+    return gradient, 0.5 * double
+
+
+def _first_flip(uv: Floats, step: Floats, faces: Ints) -> float:
+    """Return the smallest positive multiple of `step` at which some triangle has no area."""
+    a, b = uv[faces[:, 1]] - uv[faces[:, 0]], uv[faces[:, 2]] - uv[faces[:, 0]]
+    c, d = step[faces[:, 1]] - step[faces[:, 0]], step[faces[:, 2]] - step[faces[:, 0]]
+    zero = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    one = a[:, 0] * d[:, 1] - a[:, 1] * d[:, 0] + c[:, 0] * b[:, 1] - c[:, 1] * b[:, 0]
+    two = c[:, 0] * d[:, 1] - c[:, 1] * d[:, 0]
+    # The root nearest to zero, by the form that stays accurate when `two` vanishes.
+    inside = one**2 - 4 * two * zero
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(inside)
+        times = np.stack([2 * zero / (-one - root), 2 * zero / (-one + root)])
+    times = times[np.isfinite(times) & (times > 0)]
+    return float(times.min(initial=np.inf))

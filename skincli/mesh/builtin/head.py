@@ -1,0 +1,679 @@
+"""The built-in head: a life-size bust sculpted from smoothly joined forms, with lids, lips, nostrils and ears.
+
+Coordinates are mm, Y up, the face looks to +Z, +X is the subject's left. The surface is one fixed smooth function of a
+plane index domain; a level of detail only samples it.
+
+Rays leave an axis inside the head; where they meet the forms (`_solid`) lies the gross surface. Its domain has five
+patches like a box without a bottom: i runs round the head (0 at the face, 44 at the back), j runs from the crown's
+border (0) to the bust's rim (44), and the crown is a patch of its own. Lids and lips are folds of the rows of one j,
+nostrils and ears are disks of the domain that are drawn in and out. The bottom is closed by a flat cap.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.ndimage import map_coordinates
+
+from skincli.mesh.builtin.flatten import cut, half_edges
+from skincli.mesh.model import Mesh, Part
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Forms: signed distances in mm, negative inside.
+
+
+def _blend(a: Floats, b: Floats, width: float) -> Floats:
+    """Union of two forms, the joint filled smoothly within `width` mm (I. Quilez, "Smooth minimum")."""
+    width = 1.6 * width
+    h = np.maximum(width - np.abs(a - b), 0) / width
+    return np.minimum(a, b) - h * h * h * (width / 6)
+
+
+def _carve(a: Floats, b: Floats, width: float) -> Floats:
+    return -_blend(-a, b, width)
+
+
+def _ellipsoid(p: Floats, center: tuple[float, float, float], radii: tuple[float, float, float], tilt: float = 0) -> Floats:
+    """Distance to an ellipsoid to first order; `tilt` turns it about X, in degrees, its top going backward."""
+    q = p - np.array(center)
+    if tilt:
+        c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
+        q = np.stack([q[:, 0], c * q[:, 1] - s * q[:, 2], s * q[:, 1] + c * q[:, 2]], axis=1)
+    scaled = q / np.array(radii)
+    k = np.sqrt(np.sum(scaled**2, axis=1) + 1e-9)
+    slope = np.sqrt(np.sum((scaled / np.array(radii)) ** 2, axis=1) + 1e-12)
+    return k * (k - 1) / slope
+
+
+def _rope(p: Floats, nodes: list[tuple[float, float, float, float]]) -> Floats:
+    """Distance to a rope through nodes (x, y, z, radius)."""
+    result: Floats | None = None
+    table = np.array(nodes)
+    for a, b in zip(table[:-1], table[1:], strict=True):
+        axis = b[:3] - a[:3]
+        t = np.clip((p - a[:3]) @ axis / (axis @ axis), 0, 1)
+        piece = np.linalg.norm(p - a[:3] - t[:, None] * axis, axis=1) - (a[3] + t * (b[3] - a[3]))
+        result = piece if result is None else np.minimum(result, piece)
+    assert result is not None
+    return result
+
+
+def _stroke(p: Floats, nodes: list[tuple[float, float, float]], radius: float, height: float) -> Floats:
+    """A stroke of the thumb along `nodes`: clay laid on (height > 0 mm) or pressed away."""
+    table = np.array(nodes, dtype=float)
+    nearest = np.full(len(p), np.inf)
+    for a, b in zip(table[:-1], table[1:], strict=True):
+        axis = b - a
+        t = np.clip((p - a) @ axis / max(axis @ axis, 1e-9), 0, 1)
+        nearest = np.minimum(nearest, np.sum((p - a - t[:, None] * axis) ** 2, axis=1))
+    return -height * np.exp(-nearest / radius**2)
+
+
+def _solid(points: Floats) -> Floats:
+    """The bust without ears, folds and pits: signed distance of (n, 3) points in mm, about true near the surface."""
+    p = points.copy()
+    # A face is never quite its own mirror image.
+    p[:, 0] += 0.7 * np.exp(-((points[:, 1] + 42) ** 2) / 30**2 - (points[:, 2] - 110) ** 2 / 40**2) - 0.25
+    m = p.copy()
+    m[:, 0] = np.sqrt(p[:, 0] ** 2 + 2.0**2)  # the mirrored half, smooth across the middle
+
+    f = _ellipsoid(p, (0, 40, -14), (73, 79, 86))
+    f = _blend(f, _ellipsoid(p, (0, 34, -42), (62, 60, 57)), 40)
+    f = _blend(f, _ellipsoid(p, (0, 46, 24), (59, 57, 63)), 30)
+    # Face: upper jaw, cheekbones, lower jaw, chin.
+    f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
+    f = _blend(f, _rope(m, [(33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)]), 24)
+    f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 24)
+    f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
+    f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
+    f = _blend(f, _ellipsoid(p, (0, -74, 68), (34, 30, 27)), 18)
+    # Neck and shoulders.
+    neck = _rope(p, [(0, -40, -26, 46), (0, -120, -24, 50), (0, -200, -36, 54)])
+    neck = _blend(neck, _rope(m, [(30, -70, -46, 20), (36, -130, -52, 20), (96, -200, -38, 24)]), 34)
+    neck = _blend(neck, _rope(m, [(60, -40, -26, 8), (39, -120, 8, 10), (13, -186, 22, 8)]), 18)
+    neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
+    neck = _blend(neck, _ellipsoid(p, (0, -226, -26), (134, 48, 66)), 36)
+    neck = _blend(neck, _rope(m, [(14, -198, 22, 6), (60, -192, 12, 6), (108, -194, -14, 7)]), 14)
+    f = _blend(f, neck, 24)
+
+    # Eyes: socket, brow, ball with its closed lids.
+    f = _carve(f, _ellipsoid(m, (30, -4, 93), (20, 13, 17)), 14)
+    f = _blend(f, _rope(m, [(8, 19, 80, 7), (26, 24, 75, 8), (46, 22, 60, 8), (58, 10, 42, 6)]), 16)
+    f = _blend(f, _ellipsoid(m, (32, -3, 64), (17, 13, 14.5)), 7)
+    # Nose.
+    nose = _rope(p, [(0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5)])
+    nose = _blend(nose, _rope(m, [(7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)]), 12)
+    nose = _blend(nose, _ellipsoid(p, (0, -40, 105.5), (9, 8.5, 9)), 7)
+    nose = _blend(nose, _ellipsoid(m, (11.8, -45, 96.5), (6, 6.5, 9.5)), 6)
+    nose = _blend(nose, _rope(p, [(0, -44, 104, 5.5), (0, -49, 93, 6)]), 7)
+    f = _blend(f, nose, 10)
+    # Mouth.
+    f = _blend(f, _rope(m, [(0, -70.5, 92.5, 4.6), (8, -70, 91.5, 5), (17, -72.5, 86, 4.2), (26, -75.5, 77, 3)]), 6)
+    f = _blend(f, _rope(m, [(0, -81, 90, 6.2), (9, -80.5, 89.5, 6), (18, -78.5, 84.5, 4.5), (26, -75.5, 77, 3)]), 9)
+    f += _stroke(p, [(-13, -90.5, 88), (0, -91.5, 91), (13, -90.5, 88)], 7, -1.6)
+    f += _stroke(p, [(0, -55, 96), (0, -66, 99)], 3, -1.3)
+    f += _stroke(m, [(4.8, -55, 96), (5.2, -66, 99)], 2.2, 0.7)
+    f += _stroke(m, [(19, -44, 88), (28, -62, 80), (32, -76, 74)], 5, -1.0)
+    f += _stroke(m, [(17, -2, 76), (24, 5, 79), (33, 7, 78), (42, 4, 73), (49, -3, 65)], 2.6, -0.9)
+    f += _stroke(m, [(60, 22, 46), (62, 30, 44)], 20, -1.5)
+    return -_blend(-f, points[:, 1] + 206, 16)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Gross surface: where rays from the axis meet the forms.
+
+AROUND, SIDE, DOWN = 12, 20, 44  # half the front's and the back's columns, a side's columns, rows
+BACK = 2 * AROUND + SIDE  # the column at the back of the head
+
+_COLUMN = PchipInterpolator(  # column -> angle round the axis in degrees, 0 at the face
+    [0, 3, 6, 9, 10, 11, 12, 28, 30, 32, 44, 45], [0, 8, 16.5, 29, 35, 45, 60, 118, 128, 138, 180, 183.5]
+)
+
+_ROWS = np.array(
+    [  # row, axis (y, z), then where the row's rays aim at: front (y, z), side (y, x), back (y, z)
+        (0, 15, -8, 98, 50, 98, 52, 94, -74),
+        (4, 15, -8, 26, 91, 28, 76, 32, -104),
+        (7, 15, -8, 1, 80, 13, 75, 14, -103),
+        (9, 15, -8, -4, 80, 3, 75, 2, -102),
+        (11, 15, -8, -9, 80, -7, 74, -8, -98),
+        (20, 15, -8, -54, 97, -52, 66, -60, -76),
+        (21, 15, -8, -59.5, 95, -57, 64, -66, -74),
+        (23, 15, -8, -70.5, 98, -64, 62, -76, -72),
+        (25, 15, -8, -75, 94, -70, 60, -84, -70),
+        (27, 15, -8, -79.5, 97, -76, 58, -92, -71),
+        (29, 14, -8, -90, 89, -83, 57, -99, -72),
+        (31, 12, -8, -104, 92, -92, 56, -107, -73),
+        (33, 5, -10, -118, 85, -100, 54, -115, -74),
+        (34, 0, -12, -121.5, 74, -104, 53, -120, -75),
+        (36, -45, -20, -123, 42, -114, 53, -127, -74),
+        (38, -120, -25, -146, 36, -134, 56, -143, -76),
+        (41, -164, -26, -177, 32, -169, 72, -171, -82),
+        (42, -182, -26, -189, 36, -185, 92, -186, -86),
+        (43, -198, -26, -200, 42, -199, 126, -199, -90),
+        (44, -190, -26, -214, 36, -214, 100, -214, -78),
+    ]
+)
+_ROW = PchipInterpolator(_ROWS[:, 0], _ROWS[:, 1:])
+
+
+def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
+    """Return (n, 3) points where rays meet the forms.
+
+    Parameters
+    ----------
+    theta : (n,) angle round the axis in radians
+    row : (n,) row, 0 to DOWN
+    crown : (n,) 1 on rows; from 1 to 0 the rays of row 0 turn upward
+    """
+    oy, oz, fy, fz, sy, sx, by, bz = _ROW(row).T
+    cos, sin = np.cos(theta), np.sin(theta)
+
+    def turn(front: Floats, side: Floats, back: Floats) -> Floats:
+        return (front + 2 * side + back) / 4 + (front - back) / 2 * cos + (front - 2 * side + back) / 4 * np.cos(2 * theta)
+
+    out, up = turn(fz - oz, sx, oz - bz), turn(fy, sy, by) - oy
+    reach = np.hypot(out, up)
+    angle = np.arctan2(out, up) * crown
+    start = np.stack([np.zeros_like(oy), oy, oz], axis=1)
+    ray = np.stack([np.sin(angle) * sin, np.cos(angle), np.sin(angle) * cos], axis=1)
+    reach = 0.8 * reach
+    # March outward, then secant steps between a point inside and one outside; only unfinished rays go on.
+    todo = np.arange(len(reach))
+    inside, outside = np.zeros_like(reach), np.full_like(reach, np.inf)
+    value = np.full_like(reach, -np.inf)
+    for _ in range(60):
+        value = _solid(start[todo] + reach[todo, None] * ray[todo])
+        within = value < 0
+        inside[todo[within]], outside[todo[~within]] = reach[todo[within]], reach[todo[~within]]
+        todo, value = todo[np.abs(value) > 1e-5], value[np.abs(value) > 1e-5]
+        if not len(todo):
+            break
+        ahead = reach[todo] - np.clip(value / 0.8, -9, 9)
+        low, high = inside[todo], outside[todo]
+        middle = np.where(np.isfinite(high), (low + np.where(np.isfinite(high), high, 0)) / 2, ahead)
+        reach[todo] = np.where((ahead > low) & (ahead < high), ahead, middle)
+    return start + reach[:, None] * ray
+
+
+def _slope(points: Floats) -> Floats:
+    """Return (n, 3) outward unit normals of the forms."""
+    probes = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    slope = sum(_solid(points + 0.05 * probe)[:, None] * probe for probe in probes)
+    return slope / np.linalg.norm(slope, axis=1, keepdims=True)
+
+
+def _angle(column: Floats) -> Floats:
+    return np.radians(np.sign(column) * _COLUMN(np.abs(column)))
+
+
+def _ramp(x: Floats, low: float, high: float) -> Floats:
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Lids and lips: folds of the rows about one row.
+
+
+_LIDS, _LIPS, _BAND = 9.0, 25.0, 2.0  # rows, and half the number of rows a fold takes
+
+
+@cache
+def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
+    """Return (row, shift of the rows by column, openness by column) of the lids' and of the lips' fold."""
+    columns = np.linspace(-20, 20, 321)
+    result = []
+    for row, reach in ((_LIDS, 2.6), (_LIPS, 2.6)):
+        rows = row + np.linspace(-reach, reach, 53)
+        grid_column, grid_row = np.meshgrid(columns, rows, indexing="ij")
+        points = _meet(_angle(grid_column.ravel()), grid_row.ravel(), np.ones(grid_row.size)).reshape(*grid_row.shape, 3)
+        x = points[:, 26, 0]
+        if row == _LIDS:
+            u = (np.abs(x) - 32) / 15.5
+            line = -4.6 - 4.2 * np.clip(1 - u**2, -0.3, 1) + 1.2 * np.clip(u, -1.3, 1.3)
+            near = _ramp(np.abs(x), 5, 14) * (1 - _ramp(np.abs(x), 50, 64))
+        else:
+            u = x / 26
+            line = -75.3 - 0.7 * np.exp(-((x / 5) ** 2)) + 0.7 * np.exp(-(((np.abs(x) - 12) / 6) ** 2)) - 0.8 * u**2
+            near = 1 - _ramp(np.abs(x), 29, 44)
+        shift = [np.interp(-y, -p[:, 1], r) for y, p, r in zip(line, points, grid_row, strict=True)]
+        shift = (np.array(shift) - row) * near
+        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1 - u**2, 0, 0.35))))
+    return result
+
+
+def _shift(column: Floats, row: Floats) -> Floats:
+    """Return rows bent so that one row follows the lids' line and one the lips' line."""
+    bent = row.copy()
+    for center, shift, _ in _folds():
+        bump = np.clip(1 - ((row - center) / 4.5) ** 2, 0, None) ** 2
+        bent += np.where(np.abs(column) < 20, shift(np.clip(column, -20, 20)) * bump, 0)
+    return bent
+
+
+def _skin(column: Floats, row: Floats) -> Floats:
+    """Return (n, 3) points of the gross surface with its rows along lids and lips."""
+    return _meet(_angle(column), _shift(column, row), np.ones_like(row))
+
+
+def _fold(column: Floats, row: Floats, center: float, openness: PchipInterpolator, depth: float) -> tuple[Floats, Floats]:
+    """Return rows and depths in mm of a fold: both walls go in side by side, GAP apart."""
+    beta = (row - center) / _BAND
+    s = np.abs(beta)
+    wide = openness(column)
+    gap = 0.06 * np.clip(s / 0.12, 0, 1)
+    lateral = gap + (1 - 0.06) * np.clip((s - 0.42) / 0.58, 0, 1) ** 1.5
+    lateral = s + (lateral - s) * wide
+    inward = depth * np.clip(1 - s / 0.8, 0, 1) ** 1.3 * wide
+    return center + np.sign(beta) * lateral * _BAND, inward
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Nostrils: disks of the domain drawn into the nose.
+
+
+@cache
+def _nostril(side: int) -> tuple[Floats, Floats, Floats]:
+    """Return the nostril's (column, row), the (2, 2) map from the domain to its unit disk, and the pit's direction."""
+    target = np.array([7.0 * side, -51.0, 100.0])
+    at = np.array([1.6 * side, 19.5])
+    for _ in range(12):
+        probe = at + np.array([[0, 0], [0.05, 0], [0, 0.05]])
+        points = _skin(probe[:, 0], probe[:, 1])
+        tangent = (points[1:] - points[0]).T / 0.05
+        at = at + np.clip(np.linalg.lstsq(tangent, target - points[0], rcond=None)[0], -0.5, 0.5)
+    long = np.array([0.35 * side, 0.1, -1.0])
+    normal = np.cross(tangent[:, 0], tangent[:, 1])
+    normal /= np.linalg.norm(normal)
+    long -= normal * (long @ normal)
+    long /= np.linalg.norm(long)
+    across = np.cross(normal, long)
+    to_disk = np.stack([long @ tangent / 5.6, across @ tangent / 3.4])
+    inward = np.array([-0.15 * side, 0.9, -0.35])
+    return at, to_disk, inward / np.linalg.norm(inward)
+
+
+def _draw_in(column: Floats, row: Floats, side: int) -> tuple[Floats, Floats, Floats]:
+    """Return columns and rows drawn together over a nostril, and the depth in mm."""
+    at, to_disk, _ = _nostril(side)
+    disk = (np.stack([column, row], axis=1) - at) @ to_disk.T
+    rho = np.linalg.norm(disk, axis=1)
+    # The pit's wall takes the ring 0.35 to 1.35 of the domain's disk; beyond 2.4 nothing moves.
+    knots = PchipInterpolator([0, 0.4, 0.9, 1.35, 1.8, 2.4, 2.6], [0, 0.5, 0.82, 1.02, 1.5, 2.4, 2.6])
+    drawn = np.where(rho < 2.4, knots(np.minimum(rho, 2.5)), rho)
+    depth = 9 * (1 - _ramp(rho, 0, 1.45))
+    scale = drawn / np.maximum(rho, 1e-9)
+    moved = at + (disk * scale[:, None]) @ np.linalg.inv(to_disk).T
+    near = rho < 2.4
+    return np.where(near, moved[:, 0], column), np.where(near, moved[:, 1], row), depth
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Ears: disks of the domain; from the middle outward their rings run over the front to the rim, down the back to the
+# crease, and out over the head.
+
+_EAR_COLUMN, _EAR_ROW, _EAR_HALF = 20.0, 12.0, 8.0
+_EAR_GROUND = 7  # how many of the rings lie on the head
+_EAR_END = 0.88  # where the sculpted rings end and the head begins, as a part of the square's half side
+_OUTLINE = (  # angle in degrees (0 rear, 90 up), radius of the rim in mm
+    (-180, 9), (-150, 9.5), (-125, 14), (-105, 23), (-90, 27.5), (-70, 27.5), (-45, 24), (-20, 23), (0, 24), (30, 28),
+    (60, 33), (80, 34.5), (100, 32.5), (120, 27), (145, 18), (180, 9),
+)  # fmt: skip
+
+
+def _periodic(table: tuple[tuple[float, float], ...], angle: Floats) -> Floats:
+    """Smooth periodic curve through (degrees, value)."""
+    degrees, values = np.array(table, dtype=float).T
+    return CubicSpline(degrees, values, bc_type="periodic")(np.degrees(angle))
+
+
+def _stroke2(a: Floats, b: Floats, nodes: list[tuple[float, float]], radius: float, height: float) -> Floats:
+    zero = np.zeros_like(a).ravel()
+    points = np.stack([a.ravel(), b.ravel(), zero], axis=1)
+    return -_stroke(points, [(x, y, 0) for x, y in nodes], radius, height).reshape(a.shape)
+
+
+def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
+    """Height in mm of the ear's front over its plane, at `a` mm backward and `b` mm upward of the canal."""
+    h = rolled * 3.4 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
+    h -= rolled * 1.3 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
+    h += 0.5 * (np.sqrt(a * a + 9) - a - 1.5)  # before the canal the plane would lie under the cheek
+    bowl = np.hypot((a - 2) / 8, (b + 1.5) / 11)
+    h -= 7.5 / (1 + bowl**6)
+    h += _stroke2(a, b, [(4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22)], 3.2, 3.2)
+    h += _stroke2(a, b, [(11, 9), (5, 12.5), (-2, 14)], 2.6, 2.4)
+    h += _stroke2(a, b, [(4, 2), (-3, 4.5), (-9, 9), (-11, 14)], 2.6, 4.2)
+    h += _stroke2(a, b, [(-7, 2), (-6.5, -4)], 3.4, 5.0)
+    h += _stroke2(a, b, [(4, -14.5)], 3.4, 2.0)
+    h -= _stroke2(a, b, [(-1.5, -0.5)], 3.6, 3.0)
+    h += _stroke2(a, b, [(2, -22)], 7, 1.6)
+    return h
+
+
+
+def _ear_lines(angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return radius of the rim, radius of the crease, freedom from the head and roll of the rim at `angles` in radians."""
+    degrees = np.degrees(angles)
+    rim = _periodic(_OUTLINE, angles)
+    free = _ramp(degrees, -112, -80) * (1 - _ramp(degrees, 110, 150))
+    rolled = _ramp(degrees, -75, -35) * (1 - _ramp(degrees, 130, 170))
+    crease = free * (0.56 * rim - 1.5) + (1 - free) * (rim + 3.5)
+    return rim, crease, free, rolled
+
+
+def _ear_index(radius: Floats, angles: Floats) -> Floats:
+    """Return (..., 2) column and row offsets of the head under a point of the ear's plane."""
+    a, b = radius * np.cos(angles), radius * np.sin(angles)
+    return np.stack([0.88 * a / 4.7, -b / 5.0 - 0.04 * a], axis=-1)
+
+
+def _ear_ground(offset: Floats, side: int) -> Floats:
+    """Return (..., 3) points of the head at (..., 2) offsets from the ear's middle."""
+    flat = offset.reshape(-1, 2)
+    return _skin(side * (_EAR_COLUMN + flat[:, 0]), _EAR_ROW + flat[:, 1]).reshape(*offset.shape[:-1], 3)
+
+
+@cache
+def _ear(side: int) -> Floats:
+    """Return the (rings, angles, 3) control net of one ear in mm."""
+    angles = np.linspace(-np.pi, np.pi, 160, endpoint=False)
+    cos, sin = np.cos(angles), np.sin(angles)
+    rim, crease, free, rolled = _ear_lines(angles)
+
+    tilt, flare = np.radians(12), np.radians(32)
+    back = np.array([0, -np.sin(tilt), -np.cos(tilt)])
+    outward = np.array([side, 0, 0])
+    axes = np.stack(
+        [
+            np.cos(flare) * back + np.sin(flare) * outward,
+            np.array([0, np.cos(tilt), -np.sin(tilt)]),
+            np.cos(flare) * outward - np.sin(flare) * back,
+        ]
+    )
+    canal = _ear_ground(np.zeros(2), side) + 0.5 * outward
+
+    def plane(radius: Floats, height: Floats) -> Floats:
+        return canal + np.stack([radius * cos, radius * sin, height], axis=-1) @ axes
+
+    f = np.concatenate([np.linspace(0, 0.6, 12, endpoint=False), np.linspace(0.6, 1, 15)])[:, None]
+    radius = f * rim
+    height = _relief(radius * cos, radius * sin, rim - radius, rolled) - 1.5 * _ramp(f, 0.93, 1.0) * free
+    front = plane(radius, height)
+    onto = ((1 - free) * _ramp(f, 0.5, 1.0))[..., None]
+    front += onto * (_ear_ground(_ear_index(radius, angles), side) - front)
+
+    s = np.linspace(0, 1, 13)[1:, None]
+    radius = rim + s * (crease - rim)
+    behind = plane(radius, height[-1] - 4.5 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
+    onto = (1 - free * (1 - _ramp(s, 0.4, 1.0)))[..., None]
+    behind += onto * (_ear_ground(_ear_index(radius, angles), side) - behind)
+
+    t = np.linspace(0, 1, _EAR_GROUND + 1)[1:, None]
+    return np.concatenate([front, behind, _ear_ground(_ear_apron(t, angles), side)])
+
+
+def _ear_apron(t: Floats, angles: Floats) -> Floats:
+    """Return offsets of the head from the crease (t = 0) to the oval at which the rings end (t = 1)."""
+    inner = _ear_index(_ear_lines(angles)[1], angles)
+    outer = _EAR_END * _EAR_HALF * np.stack([np.cos(angles), -np.sin(angles)], axis=-1)
+    return inner + t[..., None] * (outer - inner)
+
+
+def _ear_surface(column: Floats, row: Floats, side: int) -> Floats:
+    """Return (n, 3) points of an ear's square of the domain."""
+    x, y = (np.abs(column) - _EAR_COLUMN) / _EAR_HALF, (_EAR_ROW - row) / _EAR_HALF
+    rho = np.maximum(np.abs(x), np.abs(y))
+    angles = np.arctan2(y, x)
+    net = _ear(side)
+    rings, turns = net.shape[:2]
+    # Through the middle the rings go on at the opposite angle.
+    padded = np.concatenate([np.roll(net[1:4], turns // 2, axis=1)[::-1], net])
+    ring = np.clip(rho / _EAR_END, 0, 1) * (rings - 1)
+    at = [ring + 3, (angles + np.pi) / (2 * np.pi) * turns]
+    result = np.stack(
+        [map_coordinates(padded[..., k], at, order=3, prefilter=False, mode="grid-wrap") for k in range(3)], axis=1
+    )
+    # Where the rings lie on the head, the head itself takes over; past their oval it reaches to the square.
+    t = 1 + (ring - (rings - 1)) / _EAR_GROUND
+    on_head = t > 0.35
+    t, theta = t[on_head], angles[on_head]
+    past = np.clip((rho[on_head] - _EAR_END) / (1 - _EAR_END), 0, 1)[:, None]
+    corner = _EAR_HALF * np.stack([x, -y], axis=1)[on_head] / rho[on_head, None]
+    offset = _ear_apron(t, theta)
+    ground = _ear_ground(offset + past * (corner - offset), side)
+    result[on_head] += _ramp(t, 0.35, 0.95)[:, None] * (ground - result[on_head])
+    return result
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The whole surface over its domain.
+
+_ROWS_PATCH, _CROWN, _CAP = 0, 1, 2
+
+
+def _rim_column(p: Floats, q: Floats) -> Floats:
+    """Column of a border point of the crown's or the cap's patch: p across (-AROUND to AROUND), q front to back."""
+    front, back = np.isclose(q, 0), np.isclose(q, SIDE)
+    return np.where(front, p, np.where(back, np.where(p >= 0, BACK - p, -BACK - p), np.sign(p) * (AROUND + q)))
+
+
+def _across(p: Floats, q: Floats, border: dict[str, Floats]) -> Floats:
+    """Fill a patch from its border by Coons' rule; `border` maps each side to the points at the same p or q."""
+    u, v = ((p + AROUND) / (2 * AROUND))[:, None], (q / SIDE)[:, None]
+    sides = (1 - v) * border["front"] + v * border["back"] + (1 - u) * border["left"] + u * border["right"]
+    corners = (1 - v) * ((1 - u) * border["fl"] + u * border["fr"]) + v * ((1 - u) * border["bl"] + u * border["br"])
+    return sides - corners
+
+
+def _border(p: Floats, q: Floats, curve: object) -> dict[str, Floats]:
+    low, high, zero, far = np.full_like(p, -AROUND), np.full_like(p, AROUND), np.zeros_like(q), np.full_like(q, SIDE)
+    at = {
+        "front": (p, zero), "back": (p, far), "left": (low, q), "right": (high, q),
+        "fl": (low, zero), "fr": (high, zero), "bl": (low, far), "br": (high, far),
+    }  # fmt: skip
+    return {name: curve(_rim_column(*pair)) for name, pair in at.items()}
+
+
+def _surface(patch: Ints, coords: Floats) -> Floats:
+    """Return (n, 3) points of the bust in mm at (n, 2) coordinates of the domain's patches."""
+    result = np.empty((len(patch), 3))
+    rows = patch == _ROWS_PATCH
+    result[rows] = _rows_surface(coords[rows, 0], coords[rows, 1])
+    p, q = coords[patch == _CROWN].T
+    flat = _across(p, q, _border(p, q, lambda c: np.stack([np.sin(_angle(c)), np.cos(_angle(c))], axis=1)))
+    result[patch == _CROWN] = _meet(np.arctan2(flat[:, 0], flat[:, 1]), np.zeros(len(flat)), np.hypot(*flat.T))
+    p, q = coords[patch == _CAP].T
+    rim = CubicSpline(np.arange(-BACK, BACK + 1), _rim(), bc_type="periodic")
+    result[patch == _CAP] = _across(p, q, _border(p, q, rim))
+    return result
+
+
+@cache
+def _rim() -> Floats:
+    column = np.arange(-BACK, BACK + 1.0)
+    points = _skin(column, np.full_like(column, DOWN))
+    points[-1] = points[0]
+    return points
+
+
+def _rows_surface(column: Floats, row: Floats) -> Floats:
+    result = np.empty((len(column), 3))
+    rest = np.ones(len(column), dtype=bool)
+    for side in (-1, 1):
+        ear = (np.abs(side * column - _EAR_COLUMN) < _EAR_HALF) & (np.abs(row - _EAR_ROW) < _EAR_HALF)
+        result[ear] = _ear_surface(column[ear], row[ear], side)
+        rest &= ~ear
+    column, row = column[rest], row[rest]
+    depth = np.zeros((len(row), 3))
+    for center, _, openness in _folds():
+        band = (np.abs(row - center) < _BAND) & (np.abs(column) < 20)
+        row[band], inward = _fold(column[band], row[band], center, openness, 4.5 if center == _LIPS else 3.5)
+        depth[band, 0] += inward
+    for side in (-1, 1):
+        column, row, pit = _draw_in(column, row, side)
+        depth[:, 1] += pit * (side == -1)
+        depth[:, 2] += pit * (side == 1)
+    points = _skin(column, row)
+    fold = depth[:, 0] > 0
+    if fold.any():
+        inner = np.where((points[fold, 1] < -40)[:, None], [0.0, -75, 40], [32.0, -3, 58] * np.where(points[fold, :1] < 0, [-1, 1, 1], 1))
+        aim = inner - points[fold]
+        points[fold] += depth[fold, :1] * aim / np.linalg.norm(aim, axis=1, keepdims=True)
+    for k, side in ((1, -1), (2, 1)):
+        points += depth[:, k : k + 1] * _nostril(side)[2]
+    result[rest] = points
+    return result
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sampling: a coarse mesh of the domain, finer where there is more to see; each level splits every triangle in four.
+
+
+def _fine(column: Floats, row: Floats) -> NDArray[np.bool_]:
+    """Whether the 2 x 2 cells about a point of the rows' patch stay apart."""
+    ear = (np.abs(np.abs(column) - _EAR_COLUMN) < _EAR_HALF) & (np.abs(row - _EAR_ROW) < _EAR_HALF)
+    face = (np.abs(column) < 10) & (row > 4) & (row < 32)
+    return ear | face
+
+
+def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tuple[int, int, int, int]]:
+    """Return (patch, p, q, size) of the square cells of a patch."""
+    cells = []
+    for p in range(low[0], high[0], 2):
+        for q in range(low[1], high[1], 2):
+            if patch == _ROWS_PATCH and _fine(np.array(p + 1.0), np.array(q + 1.0)):
+                cells += [(patch, p + i, q + j, 1) for i in (0, 1) for j in (0, 1)]
+            else:
+                cells.append((patch, p, q, 2))
+    return cells
+
+
+def _vertex(patch: int, p: float, q: float) -> tuple[int, float, float]:
+    """The same name for a domain point in every patch that holds it."""
+    if patch != _ROWS_PATCH:
+        if abs(p) < AROUND and 0 < q < SIDE:
+            return (patch, p, q)
+        p, q = float(_rim_column(np.array(p), np.array(q))), 0 if patch == _CROWN else DOWN
+    return (_ROWS_PATCH, p if p < BACK else p - 2 * BACK, q)
+
+
+def _coarse() -> tuple[Ints, Ints, Floats]:
+    """Return (m, 3) faces, (m,) patches and (m, 3, 2) domain coordinates of the coarsest mesh."""
+    cells = _blocks(_ROWS_PATCH, (-BACK, 0), (BACK, DOWN))
+    for patch in (_CROWN, _CAP):
+        cells += _blocks(patch, (-AROUND, 0), (AROUND, SIDE))
+    outlines = []
+    for patch, p, q, size in cells:
+        corners = [(p, q), (p, q + size), (p + size, q + size), (p + size, q)]
+        if patch != _ROWS_PATCH:
+            corners = corners[::-1] if patch == _CROWN else corners
+        outlines.append((patch, size, corners))
+    used = {_vertex(patch, *c) for patch, _, corners in outlines for c in corners}
+    names: dict[tuple[int, float, float], int] = {}
+    faces, patches, coords = [], [], []
+    for patch, size, corners in outlines:
+        ring: list[tuple[float, float]] = []
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+            ring.append(a)
+            middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
+            if size == 2 and _vertex(patch, *middle) in used:
+                ring.append(middle)
+        if len(ring) > 4:
+            center = (corners[0][0] + corners[2][0]) / 2, (corners[0][1] + corners[2][1]) / 2
+            triangles = [(center, a, b) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
+        elif (corners[0][0] + corners[2][0]) * (1 if patch == _ROWS_PATCH else 1) > 0:
+            triangles = [(ring[0], ring[1], ring[2]), (ring[0], ring[2], ring[3])]
+        else:
+            triangles = [(ring[1], ring[2], ring[3]), (ring[1], ring[3], ring[0])]
+        for triangle in triangles:
+            faces.append([names.setdefault(_vertex(patch, *c), len(names)) for c in triangle])
+            patches.append(patch)
+            coords.append(triangle)
+    return np.array(faces), np.array(patches), np.array(coords, dtype=float)
+
+
+def _seams(faces: Ints, patches: Ints, coords: Floats) -> Ints:
+    """Return the edges to cut: down the middle of the back from behind the crown, and round the cap."""
+    edges = half_edges(faces)
+    owner = np.repeat(patches, 3)
+    start, stop = coords.reshape(-1, 2), np.roll(coords, -1, axis=1).reshape(-1, 2)
+
+    def both(line: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return line & np.roll(line.reshape(-1, 3), -1, axis=1).ravel()
+
+    rows = (owner == _ROWS_PATCH) & both(np.abs(start[:, 0]) == BACK)
+    crown = (owner == _CROWN) & both((start[:, 0] == 0) & (start[:, 1] >= 10))
+    rim = (owner == _ROWS_PATCH) & both(start[:, 1] == DOWN)
+    del stop
+    return edges[rows | crown | rim]
+
+
+def _split(faces: Ints) -> tuple[Ints, Ints]:
+    """Split every triangle in four; return faces and the (k, 2) vertices between which each new vertex lies."""
+    edges = np.sort(half_edges(faces), axis=1)
+    count = int(faces.max()) + 1
+    code, inverse = np.unique(edges @ np.array([count, 1]), return_inverse=True)
+    middle = inverse.reshape(-1, 3) + count
+    a, b, c = faces.T
+    ab, bc, ca = middle.T
+    split = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+    return split, np.stack(np.divmod(code, count), axis=1)
+
+
+def _split_corners(values: Floats) -> Floats:
+    """Split per-corner values (m, 3, k) as `_split` splits faces."""
+    a, b, c = (values[:, k] for k in range(3))
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    return np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, values.shape[2])
+
+
+def _positions(faces: Ints, patches: Ints, coords: Floats) -> Floats:
+    _, first = np.unique(faces, return_index=True)
+    return _surface(np.repeat(patches, 3)[first], coords.reshape(-1, 2)[first])
+
+
+def _normals(positions: Floats, faces: Ints) -> Floats:
+    """Angle-weighted vertex normals."""
+    corner = positions[faces]
+    ahead = np.roll(corner, -1, axis=1) - corner
+    behind = np.roll(corner, 1, axis=1) - corner
+    cross = np.cross(ahead, behind)
+    angle = np.arctan2(np.linalg.norm(cross, axis=2), np.sum(ahead * behind, axis=2))
+    weighted = cross / np.maximum(np.linalg.norm(cross, axis=2, keepdims=True), 1e-30) * angle[..., None]
+    normals = np.zeros_like(positions)
+    np.add.at(normals, faces, weighted)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+DETAILS = {"4k": 0, "16k": 1, "65k": 2, "259k": 3}
+
+
+def head(detail: str = "65k") -> Mesh:
+    faces, patches, coords = _coarse()
+    level = DETAILS[detail]
+    seams = _seams(faces, patches, coords)
+    uv_faces = cut(faces, seams)
+    levels = [(faces, uv_faces)]
+    parents = []
+    for _ in range(max(level, 2)):
+        faces, _ = _split(faces)
+        uv_faces, between = _split(uv_faces)
+        parents.append(between)
+        patches, coords = np.repeat(patches, 4), _split_corners(coords)
+        levels.append((faces, uv_faces))
+    positions = _positions(faces, patches, coords)
+    normals = _normals(positions, faces)
+    plain = np.abs(_solid(positions)) < 1e-3
+    normals[plain] = _slope(positions[plain])
+    uv = np.zeros((levels[0][1].max() + 1, 2))
+    faces, uv_faces = levels[level]
+    welded = np.empty(uv_faces.max() + 1, dtype=np.int64)
+    welded[uv_faces] = faces
+    uv = np.zeros((len(welded), 2))
+    return Mesh(positions[welded], normals[welded], uv, uv, uv_faces.astype(np.int32), (Part("skin", 0, len(faces)),))

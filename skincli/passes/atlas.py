@@ -1,0 +1,73 @@
+"""Texture-space G-buffer: the surface point that owns each texel of the light's atlas, with its bumped normal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skincli.gpu.blocks import Values
+from skincli.graph.node import ZERO, Constant, Input, Output, Pass
+
+
+@dataclass(frozen=True)
+class AtlasValues(Values):
+    """Uniform block of the pass.
+
+    Parameters
+    ----------
+    bumpiness : factor on the height, 1 is physical
+    slot : 1-based number of the part's skin
+    gutter : how far charts are continued beyond their border, in atlas uv
+    """
+
+    bumpiness: float
+    slot: float
+    gutter: float
+
+
+class Atlas(Pass):
+    """Position (mm, w = slot of the skin, 0 uncovered) and bumped normal; the frame_* outputs are for inspection."""
+
+    shader = "passes/atlas.frag"
+    vertex = "passes/atlas.vert"
+    inputs = {"slope": Input("mipmap", repeat=True)}
+    outputs = {
+        "position": Output(needs=()),
+        "normal": Output(),
+        "frame_n": Output(needs=()),
+        "frame_u": Output(),
+        "frame_v": Output(),
+    }
+
+    def ignores(self) -> Mapping[str, tuple[Constant, str]]:
+        """Without bumpiness the slope has no effect, and the normal stays bit by bit."""
+        flat = all(draw.values.bumpiness == 0 for draw in self.draws)  # type: ignore[attr-defined]
+        return {"slope": (ZERO, "bumpiness is 0")} if flat else {}
+
+
+def twin(
+    normal: NDArray[np.float64], dpdu: NDArray[np.float64], dpdv: NDArray[np.float64], slope: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the bumped normal by the surface gradient [Mikkelsen2010].
+
+    Parameters
+    ----------
+    normal : (..., 3) unit
+    dpdu, dpdv : (..., 3) mm per unit of uv
+    slope : (..., 2) mm per unit of uv, bumpiness included
+
+    Returns
+    -------
+    (..., 3) unit
+    """
+    along_u = np.cross(dpdv, normal)
+    along_v = np.cross(normal, dpdu)
+    determinant = np.sum(dpdu * along_u, axis=-1, keepdims=True)
+    gradient = np.sign(determinant) * (slope[..., :1] * along_u + slope[..., 1:] * along_v)
+    bumped = np.abs(determinant) * normal - gradient
+    length = np.linalg.norm(bumped, axis=-1, keepdims=True)
+    flat = np.all(gradient == 0, axis=-1, keepdims=True) | (length == 0)
+    return np.where(flat, normal, bumped / np.where(length == 0, 1, length))

@@ -1,0 +1,30 @@
+"""Where each texel of a map lies on the mesh: the domain in which patterns are evaluated without seams."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skincli.gpu.blocks import Values
+from skincli.graph.node import Output, Pass
+
+
+@dataclass(frozen=True)
+class SiteValues(Values):
+    """Uniform block of the pass.
+
+    Parameters
+    ----------
+    texel : 1 / side of the map in texels
+    gutter : how far charts are continued beyond their border, in uv
+    """
+
+    texel: float
+    gutter: float
+
+
+class Site(Pass):
+    """Rasterises the mesh into the maps' uv: position (mm, w = covered), normal (unit, w = mm per texel)."""
+
+    shader = "passes/site.frag"
+    vertex = "passes/site.vert"
+    outputs = {"position": Output(), "normal": Output()}

@@ -1,0 +1,78 @@
+"""Phong highlights in picture space, one additive pass per light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skincli.gpu.blocks import Slots, Vec2, Vec3
+from skincli.graph.node import ZERO, Input, Output, Pass, Source
+from skincli.passes.camera import camera_position
+from skincli.passes.irradiance import LightValues, light_twin
+
+
+@dataclass(frozen=True)
+class SpecularValues(LightValues):
+    """A light, the camera and per slot the skin's gloss.
+
+    Parameters
+    ----------
+    eye, right, up, forward, tan_half, size : of the camera, relative to the mesh
+    scale : factor on the result: 1 for `paper`, 1/pi for radiance
+    gloss : x strength, y shininess
+    """
+
+    eye: Vec3 = (0.0, 0.0, 0.0)
+    scale: float = 1.0
+    right: Vec3 = (1.0, 0.0, 0.0)
+    up: Vec3 = (0.0, 1.0, 0.0)
+    forward: Vec3 = (0.0, 0.0, -1.0)
+    tan_half: Vec2 = (1.0, 1.0)
+    size: Vec2 = (1.0, 1.0)
+    gloss: Slots = ()
+
+
+class Specular(Pass):
+    """Sum of the lights' highlights times the skin's strength."""
+
+    shader = "passes/specular.frag"
+    additive = True
+    inputs = {"depth": Input(), "normal": Input()}
+    outputs = {"specular": Output()}
+
+    def shortcut(self, output: str) -> tuple[Source, str] | None:
+        """A skin without gloss has no highlights."""
+        matte = all(gloss[0] == 0 for draw in self.draws for gloss in draw.values.gloss)  # type: ignore[attr-defined]
+        return (ZERO, "specular is 0, or there is no light") if matte else None
+
+
+def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the highlights.
+
+    Parameters
+    ----------
+    depth : (h, w) mm
+    normal : (h, w, 4) unit, w = slot
+
+    Returns
+    -------
+    (h, w, 3)
+    """
+    slot = normal[..., 3].astype(int)
+    total = np.zeros((*depth.shape, 3))
+    for light in lights:
+        width, height = depth.shape[1], depth.shape[0]
+        axes = np.array([light.right, light.up, light.forward])
+        from_eye = camera_position((width, height), light.tan_half, depth) @ axes  # type: ignore[arg-type]
+        V = -from_eye / np.maximum(np.linalg.norm(from_eye, axis=-1, keepdims=True), 1e-6)
+        L, irradiance = light_twin(light, np.array(light.eye) + from_eye)
+        N = normal[..., :3]
+        NoL = np.sum(N * L, axis=-1, keepdims=True)
+        R = 2 * NoL * N - L
+        RoV = np.sum(R * V, axis=-1, keepdims=True)
+        gloss = np.array(light.gloss, float)[np.maximum(slot - 1, 0)]
+        lobe = np.where((RoV > 0) & (NoL > 0), np.maximum(RoV, 1e-30) ** gloss[..., 1:2], 0.0)
+        total += light.scale * gloss[..., :1] * lobe * irradiance
+    return total * (slot > 0)[..., None]

@@ -1,0 +1,173 @@
+"""From a scene to files: pictures, data layers and the report of what was done for them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skincli
+from skincli import images
+from skincli.errors import DeviceError, Fault, UsageError
+from skincli.gpu.context import device_info
+from skincli.gpu.counters import COUNTERS
+from skincli.graph.frame_graph import NodeReport
+from skincli.pipeline import OUTPUTS, Pipeline
+
+SUFFIXES = (".exr", ".png")
+
+#: packages whose version can change a picture
+PACKAGES = ("moderngl", "numpy", "OpenImageIO", "trimesh", "xatlas")
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a frame goes.
+
+    Parameters
+    ----------
+    path : file named by the user; its suffix chooses the format
+    """
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        if self.path.suffix.lower() not in SUFFIXES:
+            raise UsageError(
+                f"-o {self.path}: a picture file ends in {' or '.join(SUFFIXES)}; "
+                f"write for example {self.path.stem or 'head'}.png"
+            )
+
+    def files(self, outputs: Sequence[str]) -> dict[Path, list[str]]:
+        """Return which outputs go into which file."""
+        stem = self.path.with_suffix("")
+        found: dict[Path, list[str]] = {}
+        for name in outputs:
+            if self.path.suffix.lower() == ".png":
+                file = self.path if name == "beauty" else stem.with_name(f"{stem.name}.{name}.png")
+            elif OUTPUTS[name].room == "atlas":
+                file = stem.with_name(f"{stem.name}.atlas.exr")
+            else:
+                file = self.path
+            found.setdefault(file, []).append(name)
+        return found
+
+
+def render_frame(pipeline: Pipeline, target: Target, outputs: Sequence[str], timing: bool) -> dict[str, Any]:
+    """Render one frame and write its files.
+
+    Returns
+    -------
+    the frame's entry of the report; `ms` is the wall time until the pixels are on the host, without writing files
+
+    Raises
+    ------
+    OutputError : a file cannot be written
+    """
+    png = target.path.suffix.lower() == ".png"
+    start = time.perf_counter()
+    wanted = [name for name in outputs if not (png and name == "beauty")]
+    arrays = pipeline.run(wanted, display=png and "beauty" in outputs, timing=timing)
+    ms = (time.perf_counter() - start) * 1000
+    for file, names in target.files(outputs).items():
+        if png:
+            _write_png(file, names[0], arrays)
+        else:
+            _write_exr(file, names, arrays)
+    return {
+        "output": str(target.path),
+        "ms": round(ms, 3),
+        "write_ms": round((time.perf_counter() - start) * 1000 - ms, 3),
+        "nodes": [node_entry(report) for report in pipeline.reports],
+    }
+
+
+def _write_exr(file: Path, names: Sequence[str], arrays: Mapping[str, NDArray[np.float32]]) -> None:
+    # The pipeline's beauty is premultiplied; the image room takes straight alpha and multiplies by it itself.
+    layers = {name: images.straight(arrays[name]) if name == "beauty" else arrays[name] for name in names}
+    images.write_exr(file, layers, half={name: OUTPUTS[name].color for name in names})
+
+
+def _write_png(file: Path, name: str, arrays: Mapping[str, NDArray[np.float32]]) -> None:
+    if name == "beauty":
+        images.write_png(file, arrays["display"])
+    elif OUTPUTS[name].color:
+        images.write_png(file, arrays[name])
+    else:
+        images.write_png(file, data_to_unit(name, arrays[name]), kind="data", bits=16)
+
+
+def data_to_unit(name: str, array: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return data as a PNG can hold it, in [0, 1].
+
+    Normals become 0.5 + 0.5 n; depth and positions span the range they have in this picture; the rest is clipped.
+    """
+    if name.endswith("normal"):
+        return 0.5 + 0.5 * array
+    if name == "depth":
+        seen = array > 0
+        if not seen.any():
+            return array
+        low, high = array[seen].min(), array[seen].max()
+        return np.where(seen, 1 - 0.9 * (array - low) / max(high - low, 1e-6), 0).astype(np.float32)
+    if name == "atlas_position":
+        low, high = array.min(axis=(0, 1)), array.max(axis=(0, 1))
+        return ((array - low) / np.maximum(high - low, 1e-6)).astype(np.float32)
+    return array
+
+
+def node_entry(report: NodeReport) -> dict[str, Any]:
+    """Return a node's entry of the report."""
+    return {
+        "name": report.name,
+        "state": report.state,
+        "reason": report.reason,
+        "ms": None if report.ms is None else round(report.ms, 3),
+        "key": report.key,
+        "size": list(report.size),
+        "bytes": report.bytes,
+    }
+
+
+def report_document(frames: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the report of a run: device, versions, memory, counters, frames."""
+    return {
+        "device": device_info(),
+        "versions": {"skincli": skincli.__version__, **{name: version(name) for name in PACKAGES}},
+        "peak_bytes": COUNTERS.peak_bytes,
+        "counters": COUNTERS.snapshot(),
+        "frames": list(frames),
+    }
+
+
+def write_report(path: Path, frames: Sequence[Mapping[str, Any]]) -> None:
+    """Write the report as JSON, whole or not at all."""
+    images.write_text(path, json.dumps(report_document(frames), indent=1) + "\n")
+
+
+def explain(reports: Sequence[NodeReport]) -> str:
+    """Return a table of what became of each node."""
+    rows = [("node", "state", "ms", "size", "key", "why")]
+    for report in reports:
+        ms = "" if report.ms is None else f"{report.ms:.1f}"
+        size = f"{report.size[0]}x{report.size[1]}"
+        rows.append((report.name, report.state, ms, size, report.key[:8], report.reason))
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    return "\n".join(
+        "  ".join([*(cell.ljust(width) for cell, width in zip(row[:5], widths, strict=True)), row[5]]).rstrip()
+        for row in rows
+    )
+
+
+def require_finite(pipeline: Pipeline) -> None:
+    """Raise a DeviceError that names every node whose result holds a NaN or Inf."""
+    faults = pipeline.graph.check_finite()
+    if faults:
+        raise DeviceError([Fault(fault) for fault in faults])
