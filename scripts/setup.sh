@@ -71,21 +71,21 @@ check_system() { missing=$(missing_packages 2>"$probe") || stop "the check of th
 
 check_system
 if [ -n "$missing" ]; then
-    install="apt-get install --no-install-recommends -y $missing"
+    as_root=
+    [ "$(id -u)" = 0 ] || as_root="sudo "
+    install="${as_root}apt-get install --no-install-recommends -y $missing"
     command -v apt-get >/dev/null 2>&1 ||
         stop "missing on this system: what Debian calls $missing; install it by your package manager."
-    [ -z "${NO_APT:-}" ] || stop "missing system packages, and NO_APT is set; run: $install"
-    if [ "$(id -u)" = 0 ]; then
-        as_root=
-    elif command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; then
-        as_root="sudo -n"
-    else
-        stop "missing system packages, and no right to install them; run: sudo $install"
+    [ "${NO_APT:-0}" = 0 ] || stop "missing system packages, and NO_APT is set; run: $install"
+    if [ -n "$as_root" ]; then
+        sudo -n true 2>/dev/null || stop "missing system packages, and no right to install them; run: $install"
+        as_root="sudo -n "
     fi
-    say "system packages are missing; installing them now (NO_APT=1 would not): $as_root $install"
-    $as_root apt-get -qq update || say "the package lists could not be renewed; trying with those that are here"
-    # shellcheck disable=SC2086 # the words of $install are the arguments
-    $as_root env DEBIAN_FRONTEND=noninteractive $install || stop "that failed; run it by hand: $as_root $install"
+    say "system packages are missing; installing them now (NO_APT=1 would not): $install"
+    ${as_root}apt-get -qq update || say "the package lists could not be renewed; trying with those that are here"
+    # shellcheck disable=SC2086 # the words of $missing are arguments
+    ${as_root}env DEBIAN_FRONTEND=noninteractive apt-get install --no-install-recommends -y $missing ||
+        stop "that failed; run it by hand: $install"
     check_system
     [ -z "$missing" ] || stop "still missing after the installation: $missing (what the drivers said: $(cat "$probe"))"
 fi

@@ -439,12 +439,13 @@ class Pipeline:
             for light in lights
         ]
         environment = self.scene.environment
+        mirrors = environment is not None and any(draw.values.reflectance > 0 for draw in draws["view"])  # type: ignore[attr-defined]
         draws["reflection"] = [
             Draw(
                 ReflectionValues(
                     **axes,
                     **lens,
-                    scale=2.0**environment.exposure if environment else 0.0,
+                    scale=2.0**environment.exposure if environment and mirrors else 0.0,
                     turn=environment.rotation / 360 if environment else 0.0,
                     damping=float(render.effects.reflection_damping),
                     levels=self._panorama[1] if environment else 1,

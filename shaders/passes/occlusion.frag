@@ -1,8 +1,10 @@
 // Equation 1 of [Fecko2013], (high^a low^b)^(1/(a+b)), in a form that neither underflows nor divides by zero.
+#include "lib/fetch.glsl"
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float high = texelFetch(occlusion_high, pixel, 0).r;
-    float low = texelFetch(occlusion_low, pixel, 0).r;
+    float high = fetch(occlusion_high, pixel).r;
+    float low = fetch(occlusion_low, pixel).r;
     float total = p.a + p.b;
     float combined = 1.0;
     if (total > 0.0) {

@@ -2,13 +2,14 @@
 // turned by another angle at each pixel, each compared with the depth the camera saw there.
 // Differs from the paper where it is silent: a blocker farther than the radius in front of the point counts less
 // (no dark halo around a near object), and depths within p.bias of each other do not occlude.
+#include "lib/fetch.glsl"
 #include "lib/camera.glsl"
 #include "lib/hash.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float z = texelFetch(depth, pixel, 0).r;
-    vec4 N = texelFetch(normal, pixel, 0);
+    float z = fetch(depth, pixel).r;
+    vec4 N = fetch(normal, pixel);
     if (z <= 0.0) {
         occlusion = vec4(0.0);
         return;

@@ -1,5 +1,6 @@
 // Mirror reflection of the environment, damped by the occlusion [Fecko2013, section 4.2.3].
 // The texel is filtered over the directions that the pixel's neighbors reflect, so that fine bumps do not sparkle.
+#include "lib/fetch.glsl"
 #include "lib/camera.glsl"
 
 const float PI = 3.14159265358979;
@@ -22,20 +23,20 @@ vec3 fetch_level(vec2 at, int level) {
 
 // How far the normal turns from this pixel to a neighbor of the same surface.
 float turn_to(vec3 N, float z, ivec2 neighbor) {
-    vec4 other = texelFetch(normal, neighbor, 0);
-    float z_other = texelFetch(depth, neighbor, 0).r;
+    vec4 other = fetch(normal, neighbor);
+    float z_other = fetch(depth, neighbor).r;
     bool same = other.w > 0.0 && abs(z_other - z) < 0.02 * z;
     return same ? length(other.xyz - N) : 0.0;
 }
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 N = texelFetch(normal, pixel, 0);
+    vec4 N = fetch(normal, pixel);
     if (N.w == 0.0) {
         reflection = vec4(0.0);
         return;
     }
-    float z = texelFetch(depth, pixel, 0).r;
+    float z = fetch(depth, pixel).r;
     vec3 c = camera_position(pixel, z);
     vec3 from_eye = c.x * p.right + c.y * p.up + c.z * p.forward;
     vec3 R = reflect(from_eye, N.xyz);
@@ -55,6 +56,6 @@ void main() {
     int whole = int(floor(level));
     vec3 mirrored = mix(fetch_level(at, whole), fetch_level(at, min(whole + 1, p.levels - 1)), level - float(whole));
 
-    float open = mix(1.0, texelFetch(occlusion, pixel, 0).r, p.damping);
-    reflection = vec4(p.scale * texelFetch(reflectance, pixel, 0).r * open * mirrored, 0.0);
+    float open = mix(1.0, fetch(occlusion, pixel).r, p.damping);
+    reflection = vec4(p.scale * fetch(reflectance, pixel).r * open * mirrored, 0.0);
 }

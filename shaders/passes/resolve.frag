@@ -1,4 +1,6 @@
 // From several samples a pixel to one: the mean of quantities that mix, the first covered sample of those that do not.
+#include "lib/fetch.glsl"
+
 void main() {
     ivec2 corner = ivec2(gl_FragCoord.xy) * p.samples;
     vec4 sum = vec4(0.0);
@@ -7,9 +9,9 @@ void main() {
     for (int y = 0; y < p.samples; ++y) {
         for (int x = 0; x < p.samples; ++x) {
             ivec2 at = corner + ivec2(x, y);
-            vec4 value = texelFetch(image, at, 0);
+            vec4 value = fetch(image, at);
             sum += value;
-            if (!found && texelFetch(depth, at, 0).r > 0.0) {
+            if (!found && fetch(depth, at).r > 0.0) {
                 first = value;
                 found = true;
             }

@@ -1,5 +1,7 @@
 // Slope of the height map by central differences, in mm per unit of uv, beside the slopes of normal maps.
 // The map repeats beyond its border, as authored uv may.
+#include "lib/fetch.glsl"
+
 float height_at(ivec2 texel, ivec2 size) {
     return texelFetch(height, (texel + size) % size, 0).r;
 }
@@ -9,5 +11,5 @@ void main() {
     ivec2 size = textureSize(height, 0);
     vec2 dh = vec2(height_at(texel + ivec2(1, 0), size) - height_at(texel - ivec2(1, 0), size),
                    height_at(texel + ivec2(0, 1), size) - height_at(texel - ivec2(0, 1), size));
-    slope = vec4(0.5 * vec2(size) * dh, texelFetch(tangent_slope, texel, 0).xy);
+    slope = vec4(0.5 * vec2(size) * dh, fetch(tangent_slope, texel).xy);
 }

@@ -1,17 +1,18 @@
 // Phong highlights, one additive pass per light, apart from the light that enters the skin [Fecko2013, section 3.1].
+#include "lib/fetch.glsl"
 #include "lib/light.glsl"
 #include "lib/camera.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 N = texelFetch(normal, pixel, 0);
+    vec4 N = fetch(normal, pixel);
     int slot = int(N.w);
     if (slot == 0) {
         specular = vec4(0.0);
         return;
     }
     vec4 gloss = p.gloss[slot - 1];  // x: strength, y: shininess
-    vec3 c = camera_position(pixel, texelFetch(depth, pixel, 0).r);
+    vec3 c = camera_position(pixel, fetch(depth, pixel).r);
     vec3 from_eye = c.x * p.right + c.y * p.up + c.z * p.forward;
     vec3 V = -from_eye / sqrt(max(dot(from_eye, from_eye), 1e-12));
     Lit lit = light_at(p.eye + from_eye);

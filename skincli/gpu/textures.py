@@ -156,7 +156,9 @@ _FILTERS = {
 
 @cache
 def sampler(filter: str, repeat: bool) -> moderngl.Sampler:
-    """Return the sampler object for a filter (nearest, linear, mipmap) and wrap."""
+    """Return the sampler object for a filter and wrap; see skincli.graph.node.Input."""
+    if filter == "bordered":
+        return get_context().sampler(filter=_FILTERS["nearest"], border_color=(0.0, 0.0, 0.0, 0.0))
     return get_context().sampler(filter=_FILTERS[filter], repeat_x=repeat, repeat_y=repeat)
 
 

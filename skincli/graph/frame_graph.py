@@ -406,11 +406,12 @@ class FrameGraph:
             elif step is not None:
                 reports.append(self._report(step, (), "reused", "what reads it is known already"))
             else:
-                reports.append(NodeReport(node.name, "skipped", self._why_skipped(node), node.size))
+                reason = self._why_skipped(node) or "no output that is asked for needs it"
+                reports.append(NodeReport(node.name, "skipped", reason, node.size))
         return reports
 
-    def _why_skipped(self, node: Node) -> str:
-        """Return the nearest value that made the node unnecessary."""
+    def _why_skipped(self, node: Node) -> str | None:
+        """Return the value that made the node unnecessary: its own, or that of what would read it."""
         for output in node.outputs:
             way = node.shortcut(output)
             if way is not None:
@@ -418,17 +419,19 @@ class FrameGraph:
         for consumer in self.nodes.values():
             if not isinstance(consumer, Pass):
                 continue
+            read = [
+                name
+                for draw in consumer.draws
+                for name in consumer.inputs
+                if getattr(self._raw_source(consumer, draw, name), "node", None) == node.name
+            ]
             ignored = consumer.ignores()
-            for draw in consumer.draws:
-                for name in consumer.inputs:
-                    source = self._raw_source(consumer, draw, name)
-                    if isinstance(source, Ref) and source.node == node.name:
-                        if name in ignored:
-                            return ignored[name][1]
-                        way = next((consumer.shortcut(out) for out in consumer.outputs if consumer.shortcut(out)), None)
-                        if way is not None:
-                            return way[1]
-        return "no output that is asked for needs it"
+            reason = next((ignored[name][1] for name in read if name in ignored), None)
+            if read and reason is None:
+                reason = self._why_skipped(consumer)
+            if reason is not None:
+                return reason
+        return None
 
     def check_finite(self) -> list[str]:
         """Return a line for each output kept in the memo that holds a NaN or Inf: node, pixel and count."""

@@ -45,7 +45,7 @@ class Input:
 
     Parameters
     ----------
-    filter : nearest, linear or mipmap
+    filter : nearest, linear, mipmap, or bordered: nearest, and 0 beyond the edge
     repeat : whether coordinates beyond [0, 1] repeat the texture; they clamp otherwise
     """
 

@@ -35,8 +35,8 @@ class Kind(IntEnum):
 class Worley(Pattern):
     """Cells about scattered feature points [Worley1996]: blobs, lines between cells, or patches of random values.
 
-    Feature points are sought in the 27 nearest cells. With a jitter above 0.46 a nearer one may lie farther out; at
-    jitter 1 this concerns less than 1 point in 1000.
+    Feature points are sought in the 27 nearest cells. With a jitter above 0.46 a nearer one may lie farther out; even
+    at jitter 1 this concerns less than 1 point of space in 10000.
     """
 
     scale: float = Field(default=5.0, ge=0.01, le=10000, description="mean size of a cell, mm")

@@ -88,7 +88,7 @@ def atlas(
     -------
     source : (k,) index of the input vertex of which each output vertex is a copy; seams make several of one
     faces : (m, 3) into the output vertices, in the input's order
-    atlas_uv : (k, 2) float64 in [0, 1]; charts lie at least 4 / 1024 apart
+    atlas_uv : (k, 2) float64 in [0, 1]; charts lie at least 4 / 1024 apart, none mirrored
     """
     digest = hashlib.blake2b(f"{version('xatlas')}:{ATLAS_SIZE}:{PADDING}:{ATLAS_EXTENT}".encode(), digest_size=16)
     for array in (positions, normals, faces):
@@ -113,11 +113,15 @@ def _run_xatlas(
     maker = xatlas.Atlas()
     # One call for all parts: xatlas packs what it is given together into one square.
     maker.add_mesh(scaled.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32))
+    charting = xatlas.ChartOptions()
+    charting.fix_winding = True
     packing = xatlas.PackOptions()
     packing.resolution = ATLAS_SIZE
     packing.padding = PADDING
     packing.bilinear = True
-    maker.generate(pack_options=packing)
+    # Its rotation by 90 degrees is an exchange of u and v, which mirrors the chart.
+    packing.rotate_charts = False
+    maker.generate(charting, packing)
     source, indices, uv = maker.get_mesh(0)
     # xatlas divides by the width and height of its page, which need not be square; texels must be.
     page = np.array([maker.width, maker.height], dtype=np.float64)

@@ -57,7 +57,7 @@ class Blur(Pass):
     """One direction of the blur."""
 
     shader = "passes/blur.frag"
-    inputs = {"image": Input(), "coverage": Input(), "owner": Input()}
+    inputs = {"image": Input("bordered"), "coverage": Input(), "owner": Input()}
     outputs = {"blurred": Output()}
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values, Vec2, Vec3
-from skincli.graph.node import ONE, Constant, Input, Output, Pass
+from skincli.graph.node import ONE, ZERO, Constant, Input, Output, Pass, Source
 from skincli.passes.camera import camera_position
 
 #: share of the depth within which a neighbor counts as the same surface
@@ -23,7 +23,7 @@ class ReflectionValues(Values):
     Parameters
     ----------
     right, up, forward, tan_half, size : of the camera
-    scale : factor of the environment's exposure
+    scale : factor of the environment's exposure; 0 where nothing is mirrored
     turn : rotation of the environment about +Y, in turns
     damping : 1 multiplies by the occlusion, 0 does not
     levels : mip levels of the environment
@@ -53,9 +53,19 @@ class Reflection(Pass):
     }
     outputs = {"reflection": Output()}
 
+    @property
+    def _values(self) -> ReflectionValues:
+        values = self.draws[0].values
+        assert isinstance(values, ReflectionValues)
+        return values
+
+    def shortcut(self, output: str) -> tuple[Source, str] | None:
+        """What mirrors nothing adds nothing."""
+        return (ZERO, "reflectance is 0, or there is no environment") if self._values.scale == 0 else None
+
     def ignores(self) -> Mapping[str, tuple[Constant, str]]:
         """Without damping the occlusion has no effect."""
-        undamped = self.draws[0].values.damping == 0  # type: ignore[attr-defined]
+        undamped = self._values.damping == 0
         return {"occlusion": (ONE, "the damping of reflections is off")} if undamped else {}
 
 

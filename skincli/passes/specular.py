@@ -44,8 +44,9 @@ class Specular(Pass):
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:
         """A skin without gloss has no highlights."""
-        matte = all(gloss[0] == 0 for draw in self.draws for gloss in draw.values.gloss)  # type: ignore[attr-defined]
-        return (ZERO, "specular is 0, or there is no light") if matte else None
+        lights = [draw.values for draw in self.draws if isinstance(draw.values, SpecularValues)]
+        dark = all(not any(light.color) or all(gloss[0] == 0 for gloss in light.gloss) for light in lights)
+        return (ZERO, "specular is 0, or there is no light") if dark else None
 
 
 def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -39,7 +39,7 @@ def test_what_fills_the_square_is_unique() -> None:
 def test_reasons_carry_figures() -> None:
     assert "100.0% of the covered texels are shared" in reasons(UNIT, UNIT)
     assert "50.0% of the covered texels are shared" in reasons(UNIT, UNIT * [0.5, 1])
-    assert "leave the square" in reasons(UNIT + [1, 0])
+    assert "leave the square" in reasons(UNIT + np.array([1, 0]))
     assert "leave the square" in reasons(UNIT * 1.001)
     assert "50.0% of the surface has no area" in reasons(UNIT, UNIT * 0)
     assert "fill only 4.0% of the square" in reasons(UNIT * 0.2)

@@ -130,17 +130,19 @@ def test_sets_reach_scene_and_skin(folder: Path) -> None:
         ],
         outputs=("beauty", "depth"),
     )
-    assert loaded.scene.camera.fov == 20
-    assert loaded.scene.camera.up == (0.25, 1, 0)
+    camera = loaded.scene.camera
+    assert camera is not None
+    assert camera.fov == 20
+    assert camera.up == (0.25, 1, 0)
     assert loaded.scene.ambient == (0.05, 0.05, 0.5)
     assert loaded.scene.outputs == ("depth",)
     assert loaded.scene.render.occlusion.a == 2
     assert loaded.scene.mesh.file == folder / "head.obj"
     skin, base = loaded.skins[""]
     assert base == folder / "skins"
-    assert skin.layers[2].spacing == 0.3
-    assert skin.layers[1].height == (0, 0.7)
-    assert skin.layers[4].file == folder / "skins" / "tex.png"
+    assert skin.layers[2].model_dump()["spacing"] == 0.3
+    assert skin.layers[1].model_dump()["height"] == (0, 0.7)
+    assert skin.layers[4].model_dump()["file"] == folder / "skins" / "tex.png"
     assert skin.optics.radius[0] == 2
     assert skin.surface.shininess == 9
     assert (loaded.label, loaded.folder, set(loaded.skins)) == ("scene.yaml", folder, {""})
@@ -263,7 +265,7 @@ def test_skin_files_keep_to_the_budgets_and_folders(folder: Path, tmp_path_facto
     (folder / "scene.yaml").write_text(SCENE.replace("skins/wet.yaml", str(elsewhere / "far.yaml")))
     assert "outside the folder" in refused()
     loaded = load_scene("scene.yaml", asset_roots=[elsewhere])
-    assert loaded.skins[""].skin.layers[0].file == elsewhere / "near.png"
+    assert loaded.skins[""].skin.layers[0].model_dump()["file"] == elsewhere / "near.png"
     assert loaded.roots == (elsewhere,)
 
 

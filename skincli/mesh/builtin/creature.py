@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.ndimage import binary_dilation, gaussian_filter1d
 from scipy.signal import fftconvolve
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
+from skincli.errors import InputError
 from skincli.mesh.builtin.flatten import relax
 from skincli.mesh.model import Mesh, Part
 
@@ -115,7 +116,7 @@ def _bust(points: Array) -> Array:
     d = _smooth_min(d, ball - 23.0, 15)
     above = _below_plane(q - (1.5, 0, 8), 24, 12)
     below = _below_plane(q - (1.5, 0, 8), -22, 5)
-    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 3.0), ball - 24.5, 3.0), 6.0)
+    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 2.0), ball - 25.5, 2.0), 4.5)
     pupil = 1.4 * np.exp(-((q[:, 1] / 2.2) ** 2) - (q[:, 0] / 7.5) ** 2)
     d = _smooth_min(d, ball - 20.8 + pupil, 1.5)
     # Neck, shoulders, base.
@@ -433,7 +434,7 @@ def _skin(points: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------------- sampling
 
 
-def _stitch(rings: list[tuple[int, Array]]) -> NDArray[np.int32]:
+def _stitch(rings: list[tuple[int, Array]]) -> NDArray[np.int64]:
     """Triangles between consecutive rings, each given as its first vertex and its ascending places along the ring."""
     faces = []
     for (first_a, a), (first_b, b) in pairwise(rings):
@@ -442,25 +443,67 @@ def _stitch(rings: list[tuple[int, Array]]) -> NDArray[np.int32]:
         apex_a = first_a + np.searchsorted(mid_a, mid_b, side="right")
         left_a = first_a + np.arange(len(mid_a))
         left_b = first_b + np.arange(len(mid_b))
-        faces += [np.stack([left_a, left_a + 1, apex_b], 1), np.stack([left_b, apex_a, left_b + 1], 1)]
-    return np.concatenate(faces).astype(np.int32)[:, ::-1]
+        faces += [np.stack([left_a, apex_b, left_a + 1], 1), np.stack([left_b, left_b + 1, apex_a], 1)]
+    return np.concatenate(faces)
 
 
-def _refine(knots: Array, level: int) -> Array:
-    """Knots of the finest level's third, taken every second, as they are, or halved."""
-    if level == 0:
-        return knots[::2]
-    if level == 1:
-        return knots
-    return np.interp(np.arange(2 * len(knots) - 1) / 2.0, np.arange(len(knots)), knots)
+def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Undirected edges (k, 2) and the edge of each face that lies opposite to each of its corners, (m, 3)."""
+    pairs = np.sort(np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1), axis=2)
+    edges, of_face = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    return edges, of_face.reshape(-1, 3)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _turn_edges(faces: NDArray[np.int64], position: Array, normal: Array, chart: Array) -> NDArray[np.int64]:
+    """Turn edges that run across a fold so that they run along it, or the fold would be sawn into teeth."""
+    faces = faces.copy()
+    for _ in range(6):
+        edges, of_face = _edges(faces)
+        order = np.argsort(of_face.ravel(), kind="stable")
+        sorted_edges = of_face.ravel()[order]
+        first = np.flatnonzero(sorted_edges[1:] == sorted_edges[:-1])
+        one, two = order[first], order[first + 1]
+        face_a, face_b = one // 3, two // 3
+        top, bottom = faces[face_a, one % 3], faces[face_b, two % 3]
+        left, right = faces[face_a, (one + 1) % 3], faces[face_a, (one + 2) % 3]
+
+        def cost(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
+            # Eight times how far the edge's middle lies from the surface.
+            return np.abs(np.sum((normal[i] - normal[j]) * (position[i] - position[j]), axis=1))
+
+        gain = cost(left, right) - cost(top, bottom)
+        u = chart[top], chart[left], chart[bottom], chart[right]
+        area_a, area_b = _cross(u[1] - u[0], u[2] - u[0]), _cross(u[2] - u[0], u[3] - u[0])
+        # Only where the two triangles make a convex quadrilateral, and neither new one is a splinter.
+        gain[np.minimum(area_a, area_b) < 0.12 * (area_a + area_b)] = 0.0
+        best = np.zeros(len(faces))
+        np.maximum.at(best, face_a, gain)
+        np.maximum.at(best, face_b, gain)
+        chosen = (gain > 0.05) & (gain == best[face_a]) & (gain == best[face_b])
+        if not chosen.any():
+            break
+        faces[face_a[chosen]] = np.stack([top, left, bottom], axis=1)[chosen]
+        faces[face_b[chosen]] = np.stack([top, bottom, right], axis=1)[chosen]
+    return faces
+
+
+def _halve(params: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Cut every triangle into four at the middles of its edges, in parameters; a pole has no angle (NaN)."""
+    edges, of_face = _edges(faces)
+    a, b = params[edges[:, 0]], params[edges[:, 1]]
+    middle = np.where(np.isnan(a), b, np.where(np.isnan(b), a, 0.5 * (a + b)))
+    m = of_face + len(params)
+    quarters = [[faces[:, k], m[:, (k + 2) % 3], m[:, (k + 1) % 3]] for k in range(3)]
+    return np.concatenate([params, middle]), np.concatenate([np.stack(q, axis=1) for q in [*quarters, [m[:, 0], m[:, 1], m[:, 2]]]])
 
 
 _PITCH = 1.5  # distance of suckers along a row, in radii of the tentacle
-_SUCKER = 0.56  # radius of a sucker's outer foot's inner rim, in radii of the tentacle
+_SUCKER = 0.54  # radius of a sucker, in radii of the tentacle
 _ROW = 0.62  # angle of a row of suckers from the middle of the ventral side, radians
-# Around a tentacle, from the ventral middle to the back: dense over the suckers.
-_AROUND = np.array([0.0, 0.24, 0.62, 1.0, 1.38, 1.8, 2.25, 2.7, np.pi])
-_AROUND_TIP = np.linspace(0.0, np.pi, 6)
 
 
 class _Tube:
@@ -472,28 +515,26 @@ class _Tube:
         self.length = float(arc[-1])
         self.line = CubicSpline(arc, line)
         self.ventral = CubicSpline(arc, ventral)
-        self.tip = 0.5 * _TIP
+        self.cap = self.length - 0.5 * _TIP
         # Suckers follow each other at a distance that shrinks with the radius.
         centers = [_SUNK + 14.0]
-        while self.radius(np.array([centers[-1]]))[0] > 3.0 and centers[-1] < 0.93 * self.length:
-            centers.append(centers[-1] + _PITCH * float(self.radius(np.array([centers[-1]]))[0]))
+        while (radius := float(self._full_radius(centers[-1]))) > 3.0 and centers[-1] < 0.93 * self.length:
+            centers.append(centers[-1] + _PITCH * radius)
         self.centers = np.array(centers)
+        # The cut runs along the side that looks away from the front: the groove between the suckers, or the back.
+        self.cut = 0.0 if np.mean(ventral[:, 2]) < 0.15 else -np.pi
+
+    def _full_radius(self, arc: Array | float) -> Array:
+        return _radius(np.asarray(arc) / self.length, np.array(self.arm.thickness))
 
     def radius(self, arc: Array) -> Array:
-        full = _radius(arc / self.length, np.array(self.arm.thickness))
-        end = np.clip((arc - self.length + self.tip) / self.tip, 0.0, 1.0)
-        return full * np.sqrt(np.maximum(1.0 - end**2, 0.0))
-
-    def point(self, arc: Array, angle: Array) -> Array:
-        t = _unit(self.line(arc, 1))
-        v = _unit(_across(self.ventral(arc), t))
-        radius = self.radius(arc) + self._suckers(arc, angle)
-        return self.line(arc) + radius[:, None] * (np.cos(angle)[:, None] * v + np.sin(angle)[:, None] * np.cross(v, t))
+        """Radius without suckers, mm; 0 where the tip ends."""
+        end = np.clip((arc - self.cap) / (self.length - self.cap), 0.0, 1.0)
+        return self._full_radius(arc) * np.sqrt(1.0 - end**2)
 
     def _suckers(self, arc: Array, angle: Array) -> Array:
-        """Height of the suckers over the tube: a raised ring about a cup, two rows that alternate."""
+        """Height of the suckers over the tube, mm: a raised ring about a cup, two rows that alternate."""
         count = len(self.centers)
-        radius = np.maximum(self.radius(arc), 1e-6)
         place = np.interp(arc, self.centers, np.arange(count, dtype=float), left=-5.0, right=count + 5.0)
         height = np.zeros(len(arc))
         for side, shift in ((1.0, 0.0), (-1.0, 0.5)):
@@ -502,51 +543,84 @@ class _Tube:
             around = angle - side * _ROW
             around = around - 2 * np.pi * np.round(around / (2 * np.pi))
             q = np.sqrt(along**2 + around**2) / _SUCKER
-            ring = 0.62 * (1.0 - _smoothstep(0.68, 1.3, q)) - 0.85 * (1.0 - _smoothstep(0.0, 0.76, q))
+            ring = 0.62 * (1.0 - _smoothstep(0.66, 1.16, q)) - 0.9 * (1.0 - _smoothstep(0.0, 0.76, q))
             fade = _smoothstep(-0.5, 2.5, nearest) * (1.0 - _smoothstep(count - 5.0, count - 1.0, nearest))
             height += ring * fade
-        return height * _SUCKER * radius
+        return height * _SUCKER * self.radius(arc)
 
-    def chart_samples(self) -> Array:
-        arc, angle = np.meshgrid(np.linspace(0.0, self.length, 200), np.linspace(-np.pi, np.pi, 61))
-        return np.stack([arc.ravel(), (angle * self.radius(arc)).ravel()], axis=1)
+    def _point(self, arc: Array, angle: Array) -> Array:
+        t = _unit(self.line(arc, 1))
+        v = _unit(_across(self.ventral(arc), t))
+        radius = self.radius(arc) + self._suckers(arc, angle)
+        return self.line(arc) + radius[:, None] * (np.cos(angle)[:, None] * v + np.sin(angle)[:, None] * np.cross(v, t))
 
-    def knots(self, level: int) -> list[tuple[Array, bool]]:
-        """Arc lengths of the rings, and whether each is dense enough to carry suckers."""
-        rows = np.interp(np.arange(4 * len(self.centers) - 3) / 4.0, np.arange(len(self.centers)), self.centers)
-        root = np.linspace(0.0, rows[0], 5)[:-1]
-        cap = self.length - self.tip
-        tail = max(2, 2 * round((cap - rows[-1]) / 6.0))
-        tail_rows = np.linspace(rows[-1], cap, tail + 1)[1:]
-        end = cap + self.tip * np.sin(np.pi / 2 * np.array([0.3, 0.6, 0.85, 1.0]))
-        knots = np.concatenate([root, rows, tail_rows, end])
-        fine = _refine(knots, level)
-        return fine, fine <= rows[-1] + 1e-9
-
-    def mesh(self, level: int) -> tuple[Array, Array, Array, NDArray[np.int32]]:
-        """Positions, normals, chart (arc length, signed width; mm) and faces."""
-        arcs, dense = self.knots(level)
-        around = {flag: _refine(np.concatenate([-half[:0:-1], half]), level) for flag, half in ((True, _AROUND), (False, _AROUND_TIP))}
-        rings, arc_list, angle_list, first = [], [], [], 0
-        for arc, flag in zip(arcs[:-1], dense[:-1], strict=True):
-            ring = around[bool(flag)]
-            rings.append((first, ring))
-            arc_list.append(np.full(len(ring), arc))
-            angle_list.append(ring)
-            first += len(ring)
-        rings.append((first, np.zeros(1)))
-        arc = np.concatenate([*arc_list, arcs[-1:]])
-        angle = np.concatenate([*angle_list, np.zeros(1)])
-        position = self.point(arc, angle)
+    def surface(self, params: Array) -> tuple[Array, Array]:
+        """Positions, mm, and unit normals."""
+        arc, angle = params[:, 0], np.nan_to_num(params[:, 1])
+        position = self._point(arc, angle)
         da, dt = 0.02, 0.002
-        low, high = np.clip(arc - da, 0, self.length - 1e-3), np.clip(arc + da, 0, self.length - 1e-3)
-        along = self.point(high, angle) - self.point(low, angle)
         inner = np.minimum(arc, self.length - 1e-3)
-        across = self.point(inner, angle + dt) - self.point(inner, angle - dt)
+        along = self._point(np.minimum(arc + da, self.length - 1e-3), angle) - self._point(np.maximum(arc - da, 0), angle)
+        across = self._point(inner, angle + dt) - self._point(inner, angle - dt)
         normal = _unit(np.cross(along, across))
-        normal[-1] = _unit(self.line(self.length, 1))
-        chart = np.stack([arc, angle * self.radius(arc)], axis=1)
-        return position, normal, chart, _stitch(rings)
+        normal[np.isnan(params[:, 1])] = _unit(self.line(self.length, 1))
+        # Where it comes out of the flesh, both surfaces are lit alike, and the crossing does not show.
+        root = np.flatnonzero(arc < _SUNK + 30.0)
+        share = 1.0 - _smoothstep(0.2, 2.6, _flesh(position[root]))[:, None]
+        normal[root] = _unit((1.0 - share) * normal[root] + share * _gradient(_flesh, position[root]))
+        return position, normal
+
+    def chart(self, params: Array) -> Array:
+        """The strip it unrolls to, (n, 2) mm."""
+        arc, angle = params[:, 0], np.nan_to_num(params[:, 1])
+        return np.stack([arc, (angle - self.cut - np.pi) * self.radius(arc)], axis=1)
+
+    def grid(self) -> Array:
+        """Parameters that cover the surface evenly."""
+        around = self.cut + np.linspace(0.0, 2 * np.pi, 61)
+        return np.stack([g.ravel() for g in np.meshgrid(np.linspace(0.0, self.length, 200), around)], axis=1)
+
+    def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
+        """Parameters and triangles. Each sucker has rings of its own, so that few vertices make it round."""
+        rings = ((0.0, 1), (0.36, 6), (0.7, 8), (1.1, 8)) if level else ((0.0, 1), (0.7, 5))
+        points = []
+        for side, shift in ((1.0, 0.0), (-1.0, 0.5)):
+            place = np.arange(len(self.centers) - 1) + shift
+            center = np.interp(place, np.arange(len(self.centers)), self.centers)[:, None]
+            reach = _SUCKER * self._full_radius(center)
+            for k, (far, count) in enumerate(rings):
+                turn = 2 * np.pi * (np.arange(count) + 0.5 * (k % 2)) / count
+                arc = center + far * reach * np.cos(turn)
+                points.append(np.stack([arc, 0.0 * arc + side * (_ROW + far * _SUCKER * np.sin(turn))], -1).reshape(-1, 2))
+        # Elsewhere: rings across, as far apart as the tube is thick.
+        rows = np.interp(np.arange(0, 2 * len(self.centers) - 1, 2 - level) / 2, np.arange(len(self.centers)), self.centers)
+        root = np.linspace(0.0, rows[0], 2 + 2 * level, endpoint=False)
+        tail = np.linspace(rows[-1], self.cap, 2 + round((self.cap - rows[-1]) / (6.0 - 2.8 * level)))[1:]
+        end = self.cap + (self.length - self.cap) * np.sin(np.radians((30, 60) if level else (45,)))
+        bare = np.linspace(0.0, np.pi, 5 + 3 * level)
+        back = np.linspace(1.44, np.pi, 3 + 2 * level)
+        edge = self.cut + np.array([0.0, 2 * np.pi])
+        for row in np.concatenate([root, rows, tail, end]):
+            half = back if rows[0] < row < rows[-1] else bare
+            points.append(np.stack([np.full(2 * len(half), row), np.concatenate([-half, half])], -1))
+            points.append(np.stack([np.full(2, row), edge], -1))
+        params = np.concatenate(points)
+        params[:, 1] = np.where(params[:, 1] < edge[0] - 1e-9, params[:, 1] + 2 * np.pi, params[:, 1])
+        clear = np.abs(params[:, 1:] - edge).min(axis=1)
+        params = np.unique(np.round(params[(clear < 1e-9) | (clear > 0.1)], 9), axis=0)
+        # Lengths along are measured in radii, so that well-shaped means the same here and in space.
+        fine = np.linspace(0.0, self.length, 2000)
+        stretch = np.concatenate([[0.0], np.cumsum(np.diff(fine) / np.maximum(self.radius(fine[1:]), 0.3))])
+        flat = np.stack([np.interp(params[:, 0], fine, stretch), params[:, 1]], axis=1)
+        faces = Delaunay(flat).simplices.astype(np.int64)
+        a, b, c = flat[faces].transpose(1, 0, 2)
+        area = _cross(b - a, c - a)
+        faces[area < 0] = faces[area < 0][:, ::-1]
+        faces = faces[np.abs(area) > 1e-7]
+        last = np.flatnonzero(params[:, 0] == params[:, 0].max())
+        pole = len(params)
+        fan = np.stack([last[:-1], np.full(len(last) - 1, pole), last[1:]], axis=1)
+        return np.concatenate([params, [[self.length, np.nan]]]), np.concatenate([faces, fan])
 
 
 def _settle(field: Callable[[Array], Array], points: Array, direction: Array) -> Array:
@@ -571,27 +645,35 @@ class _Body:
         flat = _flatten_grid(points, theta)
         self._chart = [RectBivariateSpline(s, theta, flat[..., k]) for k in range(2)]
 
-    def chart(self, s: Array, theta: Array) -> Array:
-        return np.stack([spline.ev(s, theta) for spline in self._chart], axis=-1)
+    def surface(self, params: Array) -> tuple[Array, Array]:
+        """Positions, mm, and unit normals."""
+        s, theta = params[:, 0], np.nan_to_num(params[:, 1])
+        position = _settle(_skin, _body_points(_flesh, s, theta), _rays(s, theta)[1])
+        return position, _gradient(_skin, position)
 
-    def mesh(self, level: int) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+    def chart(self, params: Array) -> Array:
+        """The flattened skin, (n, 2) mm."""
+        return np.stack([spline.ev(params[:, 0], np.nan_to_num(params[:, 1])) for spline in self._chart], axis=-1)
+
+    def grid(self) -> Array:
+        """Parameters that cover the surface evenly."""
+        return np.stack([g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))], axis=1)
+
+    def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
+        """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
         weight = 0.7 + 2.0 * _smoothstep(0.15, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.7, dense))
         weight += 0.7 * _smoothstep(0.8, 0.88, dense)
         total = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
-        places = np.interp(np.linspace(0.0, total[-1], 74 * 2**level + 1), total, dense)
-        rings, s_list, theta_list, first = [], [], [], 1
+        places = np.interp(np.linspace(0.0, total[-1], 70 * 2**level + 1), total, dense)
+        rings, points, first = [(0, np.zeros(1))], [np.array([[0.0, np.nan]])], 1
         for s in places[1:]:
-            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 54 * np.tanh(4.0 * s)) * 2.0 ** (level - 1)) + 1)
+            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 52 * np.tanh(5.0 * s)) * 2.0 ** (level - 1)) + 1)
             pull = 0.2 * _smoothstep(0.06, 0.3, np.array(s))
-            theta = np.pi * turn - pull * np.pi * np.sin(np.pi * turn)
             rings.append((first, turn))
-            s_list.append(np.full(len(theta), s))
-            theta_list.append(theta)
-            first += len(theta)
-        s, theta = np.concatenate([np.zeros(1), *s_list]), np.concatenate([np.zeros(1), *theta_list])
-        position = _settle(_skin, _body_points(_flesh, s, theta), _rays(s, theta)[1])
-        return position, _gradient(_skin, position), self.chart(s, theta), _stitch([(0, np.zeros(1)), *rings])
+            points.append(np.stack([np.full(len(turn), s), np.pi * (turn - pull * np.sin(np.pi * turn))], axis=1))
+            first += len(turn)
+        return np.concatenate(points), _stitch(rings)
 
 
 def _flatten_grid(points: Array, theta: Array) -> Array:
@@ -622,36 +704,39 @@ def _flatten_grid(points: Array, theta: Array) -> Array:
 _CELL = 2.5  # raster on which charts are packed, mm
 
 
-def _pack(charts: list[Array]) -> tuple[list[tuple[int, Array]], float]:
-    """Place charts, given as dense samples in mm, in a square without overlap, the largest first.
+def _pack(outlines: list[Array], charts: list[Array]) -> Array:
+    """Lay charts into the unit square at one scale.
+
+    Parameters
+    ----------
+    outlines : dense samples of each chart, (n, 2) mm, the same for all levels of detail, so that the layout is too
+    charts : what to lay out, (n, 2) mm
 
     Returns
     -------
-    placements : for each chart, its quarter turns and the shift that follows, (2,) mm
-    side : of the square, mm
+    all charts in [0, 1], one after the other
     """
+    turns = [np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter) for quarter in range(4)]
     masks: list[list[tuple[NDArray[np.bool_], Array]]] = []
-    for points in charts:
+    for points in outlines:
         options = []
-        for quarter in range(4):
-            p = points @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter)
+        for turn in turns:
+            p = points @ turn
             low = p.min(axis=0) - 1.5 * _CELL
             cell = ((p - low) / _CELL).astype(int)
             mask = np.zeros(cell.max(axis=0) + 2, dtype=bool)
             mask[cell[:, 0], cell[:, 1]] = True
             options.append((binary_dilation(mask, np.ones((3, 3), bool)), low))
         masks.append(options)
-    order = sorted(range(len(charts)), key=lambda k: -int(masks[k][0][0].sum()))
+    order = sorted(range(len(masks)), key=lambda k: -int(masks[k][0][0].sum()))
     cells = int(np.sqrt(sum(option[0][0].sum() for option in masks) / 0.84))
-    while True:
-        placements = _place([masks[k] for k in order], cells)
-        if placements is not None:
-            break
+    while (placements := _place([masks[k] for k in order], cells)) is None:
         cells = int(cells * 1.02) + 1
-    result: list[tuple[int, Array]] = [(0, np.zeros(2))] * len(charts)
-    for k, (quarter, corner) in zip(order, placements, strict=True):
-        result[k] = (quarter, corner * _CELL - masks[k][quarter][1])
-    return result, cells * _CELL
+    laid = {
+        k: (charts[k] @ turns[quarter] + corner * _CELL - masks[k][quarter][1]) / (cells * _CELL)
+        for k, (quarter, corner) in zip(order, placements, strict=True)
+    }
+    return np.concatenate([laid[k] for k in range(len(charts))])
 
 
 def _place(masks: list[list[tuple[NDArray[np.bool_], Array]]], cells: int) -> list[tuple[int, Array]] | None:
@@ -678,31 +763,55 @@ def _place(masks: list[list[tuple[NDArray[np.bool_], Array]]], cells: int) -> li
     return placements
 
 
-def creature(detail: str = "65k") -> Mesh:
-    import time
-    t0=time.time()
-    level = {"16k": 0, "65k": 1, "259k": 2}[detail]
+_LEVELS = ("16k", "65k", "259k")
+
+
+@cache
+def _shapes() -> tuple[_Body | _Tube, ...]:
     line, ventral = _curves()
-    print("curves", time.time()-t0)
-    body = _Body()
-    print("flat", time.time()-t0)
-    tubes = [_Tube(arm, l, v) for arm, l, v in zip(_ARMS, line, ventral, strict=True)]
-    samples = [body.chart(*(g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))))]
-    samples += [tube.chart_samples() for tube in tubes]
-    placements, side = _pack(samples)
-    print("pack", time.time()-t0, side)
-    pieces = [body.mesh(level), *(tube.mesh(level) for tube in tubes)]
-    position = np.concatenate([piece[0] for piece in pieces])
-    normal = np.concatenate([piece[1] for piece in pieces])
-    uv = np.concatenate(
-        [
-            piece[2] @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter) + shift
-            for piece, (quarter, shift) in zip(pieces, placements, strict=True)
-        ]
-    ) / side
+    return (_Body(), *(_Tube(arm, *curve) for arm, *curve in zip(_ARMS, line, ventral, strict=True)))
+
+
+def creature(detail: str = "65k") -> Mesh:
+    """Build the creature.
+
+    Parameters
+    ----------
+    detail : about how many triangles: "16k", "65k" or "259k". All three sample the same smooth surface.
+
+    Returns
+    -------
+    the mesh, in mm, y up, the face toward +z, about 350 mm high; its parts are "body" and "tentacles"
+
+    Raises
+    ------
+    InputError : when `detail` is none of the three
+    """
+    if detail not in _LEVELS:
+        raise InputError(
+            f"the creature has no detail {detail!r}; it has {', '.join(_LEVELS)}; write one of these or leave detail out"
+        )
+    level = _LEVELS.index(detail)
+    shapes = _shapes()
+    pieces = []
+    for shape in shapes:
+        params, faces = shape.samples(min(level, 1))
+        position, normal = shape.surface(params)
+        if isinstance(shape, _Body):
+            faces = _turn_edges(faces, position, normal, shape.chart(params))
+        if level == 2:
+            params, faces = _halve(params, faces)
+            position, normal = shape.surface(params)
+        pieces.append((position, normal, shape.chart(params), faces))
+    uv = _pack([shape.chart(shape.grid()) for shape in shapes], [piece[2] for piece in pieces])
     first = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
     faces = np.concatenate([piece[3] + start for piece, start in zip(pieces, first[:-1], strict=True)]).astype(np.int32)
-    count = len(pieces[0][3])
-    print("faces: body", count, "arms", len(faces) - count, time.time()-t0)
-    parts = (Part("body", 0, count), Part("tentacles", count, len(faces)))
-    return Mesh(position, normal, uv, uv, faces, parts)
+    body = len(pieces[0][3])
+    return Mesh(
+        positions=np.concatenate([piece[0] for piece in pieces]),
+        normals=np.concatenate([piece[1] for piece in pieces]),
+        uv=uv,
+        atlas_uv=uv,
+        faces=faces,
+        parts=(Part("body", 0, body), Part("tentacles", body, len(faces))),
+    )

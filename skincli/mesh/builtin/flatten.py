@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
+from scipy.signal import fftconvolve
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,7 +115,6 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
         )
         for axis in range(2)
     ]
-    stacked = sp.vstack(derivative).tocsr()
     mass = sp.identity(2 * count) * (1e-4 * area.sum() / count / area.mean())
 
     def jacobians(points: Floats) -> Floats:
@@ -140,12 +139,10 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
         target = left @ right
         root = np.sqrt(area)[:, None, None]
         local, goal = local * root, (local @ target) * root
-        rows = []
-        values = []
+        rows, values = [], []
         for i in range(2):
-            blocks = [sp.diags(local[:, i, k]) for k in range(2)]
             for axis in range(2):
-                rows.append(sp.hstack([blocks[0] @ derivative[axis], blocks[1] @ derivative[axis]]))
+                rows.append(sp.hstack([sp.diags(local[:, i, k]) @ derivative[axis] for k in range(2)]))
                 values.append(goal[:, i, axis])
         matrix = sp.vstack(rows).tocsr()
         flat = uv.T.ravel()
@@ -160,23 +157,100 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
         if trial >= current * (1 - 1e-6):
             break
         uv, current = uv + length * step, trial
-    del stacked
     return uv
 
 
-def pack(charts: Sequence[Floats], margin: float) -> list[Floats]:
+def charts(faces: Ints) -> list[Ints]:
+    """Return the face numbers of each connected chart, the chart of most faces first."""
+    count = int(faces.max()) + 1
+    edges = half_edges(faces)
+    graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    sizes = np.bincount(label)
+    return [np.flatnonzero(label == k) for k in np.argsort(-sizes, kind="stable") if sizes[k]]
+
+
+def flatten(positions: Floats, faces: Ints, iterations: int) -> Floats:
+    """Flatten every chart of a cut mesh by itself; see `disk` and `relax`.
+
+    Parameters
+    ----------
+    positions : (n, 3) in mm
+    faces : (m, 3), as `cut` returns them; every chart has the topology of a disk
+    iterations : steps of `relax`
+
+    Returns
+    -------
+    (n, 2) in mm; charts lie on top of each other until they are packed
+    """
+    uv = np.zeros((len(positions), 2))
+    for chart in charts(faces):
+        used, local = np.unique(faces[chart], return_inverse=True)
+        local = local.reshape(-1, 3)
+        uv[used] = relax(positions[used], local, disk(positions[used], local), iterations)
+    return uv
+
+
+def pack(uv: Floats, faces: Ints, margin: float) -> Floats:
     """Lay charts into the unit square at one common scale.
 
     Parameters
     ----------
-    charts : (n, 2) coordinates in mm, the largest first
-    margin : free border round each chart, as a part of the square's side
+    uv : (n, 2) in mm, charts upon each other
+    faces : (m, 3), which tell the charts
+    margin : free border round each chart in mm
 
     Returns
     -------
-    the charts in [0, 1], the first turned so that its bounding square is least, each further one where it costs least
+    (n, 2) in [0, 1]; the chart of most faces keeps its direction, each further one takes, in one of eight directions,
+    the place where the square grows least
     """
-    raise NotImplementedError
+    result = uv.copy()
+    corners = uv[faces]
+    area = 0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum()
+    cell = np.sqrt(area) / 160
+    placed: NDArray[np.bool_] | None = None
+    low = np.zeros(2)
+    for chart in charts(faces):
+        used = np.unique(faces[chart])
+        if placed is None:
+            low = uv[used].min(axis=0)
+            placed = _cover(uv, faces[chart], low, cell, margin)
+            continue
+        best: tuple[float, Floats, NDArray[np.bool_]] | None = None
+        for turn in np.arange(8) * np.pi / 8:
+            rotated = uv @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+            corner = rotated[used].min(axis=0)
+            mask = _cover(rotated, faces[chart], corner, cell, margin)
+            room = np.pad(placed, [(0, mask.shape[0]), (0, mask.shape[1])])
+            free = fftconvolve(room, mask[::-1, ::-1].astype(float), mode="valid") < 0.5
+            at = np.argwhere(free)
+            reach = np.maximum(at + mask.shape, placed.shape)
+            cost = reach.max(axis=1) + 1e-3 * reach.min(axis=1) + 1e-6 * at.sum(axis=1)
+            if len(at) and (best is None or cost.min() < best[0]):
+                x, y = at[cost.argmin()]
+                grown = np.pad(placed, [(0, max(0, n)) for n in reach[cost.argmin()] - placed.shape])
+                grown[x : x + mask.shape[0], y : y + mask.shape[1]] |= mask
+                best = cost.min(), rotated[used] - corner + low + np.array([x, y]) * cell, grown
+        assert best is not None
+        result[used], placed = best[1:]
+    low, high = result.min(axis=0) - margin, result.max(axis=0) + margin
+    side = (high - low).max()
+    return (result - low + (side - (high - low)) / 2) / side
+
+
+def _cover(uv: Floats, faces: Ints, low: Floats, cell: float, margin: float) -> NDArray[np.bool_]:
+    """Return the cells that triangles touch, or come nearer to than the margin."""
+    corner = (uv[faces] - low) / cell
+    longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max()
+    steps = int(np.ceil(2 * longest)) + 1
+    weights = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]) / steps
+    border = int(np.ceil(margin / cell)) + 1
+    at = np.floor(np.einsum("wk,fkx->wfx", weights, corner).reshape(-1, 2)).astype(int) + border
+    mask = np.zeros(at.max(axis=0) + border + 1, dtype=bool)
+    mask[at[:, 0], at[:, 1]] = True
+    result: NDArray[np.bool_] = binary_dilation(mask, np.ones((2 * border + 1,) * 2))
+    return result
 
 
 def _areas(positions: Floats, faces: Ints) -> Floats:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import map_coordinates
 
-from skincli.mesh.builtin.flatten import cut, half_edges
+from skincli.mesh.builtin.flatten import charts, cut, flatten, half_edges, pack, relax
 from skincli.mesh.model import Mesh, Part
 
 Floats = NDArray[np.float64]
@@ -83,20 +83,22 @@ def _solid(points: Floats) -> Floats:
     m = p.copy()
     m[:, 0] = np.sqrt(p[:, 0] ** 2 + 2.0**2)  # the mirrored half, smooth across the middle
 
-    f = _ellipsoid(p, (0, 40, -14), (73, 79, 86))
+    f = _ellipsoid(p, (0, 40, -14), (72, 79, 86))
     f = _blend(f, _ellipsoid(p, (0, 34, -42), (62, 60, 57)), 40)
     f = _blend(f, _ellipsoid(p, (0, 46, 24), (59, 57, 63)), 30)
     # Face: upper jaw, cheekbones, lower jaw, chin.
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
     f = _blend(f, _rope(m, [(33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)]), 24)
+    f = _blend(f, _rope(m, [(56, 0, -14, 14), (57, -34, -10, 14)]), 24)
     f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 24)
     f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
     f = _blend(f, _ellipsoid(p, (0, -74, 68), (34, 30, 27)), 18)
     # Neck and shoulders.
-    neck = _rope(p, [(0, -40, -26, 46), (0, -120, -24, 50), (0, -200, -36, 54)])
-    neck = _blend(neck, _rope(m, [(30, -70, -46, 20), (36, -130, -52, 20), (96, -200, -38, 24)]), 34)
-    neck = _blend(neck, _rope(m, [(60, -40, -26, 8), (39, -120, 8, 10), (13, -186, 22, 8)]), 18)
+    neck = _rope(p, [(0, -40, -25, 47), (0, -200, -33, 54)])
+    neck = _blend(neck, _rope(m, [(26, -60, -44, 20), (30, -190, -58, 22)]), 30)
+    neck = _blend(neck, _rope(m, [(16, -128, -40, 22), (98, -200, -36, 22)]), 40)
+    neck = _blend(neck, _rope(m, [(59, -40, -24, 8), (13, -186, 22, 9)]), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
     neck = _blend(neck, _ellipsoid(p, (0, -226, -26), (134, 48, 66)), 36)
     neck = _blend(neck, _rope(m, [(14, -198, 22, 6), (60, -192, 12, 6), (108, -194, -14, 7)]), 14)
@@ -142,17 +144,17 @@ _ROWS = np.array(
         (7, 15, -8, 1, 80, 13, 75, 14, -103),
         (9, 15, -8, -4, 80, 3, 75, 2, -102),
         (11, 15, -8, -9, 80, -7, 74, -8, -98),
-        (20, 15, -8, -54, 97, -52, 66, -60, -76),
-        (21, 15, -8, -59.5, 95, -57, 64, -66, -74),
-        (23, 15, -8, -70.5, 98, -64, 62, -76, -72),
-        (25, 15, -8, -75, 94, -70, 60, -84, -70),
-        (27, 15, -8, -79.5, 97, -76, 58, -92, -71),
-        (29, 14, -8, -90, 89, -83, 57, -99, -72),
-        (31, 12, -8, -104, 92, -92, 56, -107, -73),
-        (33, 5, -10, -118, 85, -100, 54, -115, -74),
-        (34, 0, -12, -121.5, 74, -104, 53, -120, -75),
-        (36, -45, -20, -123, 42, -114, 53, -127, -74),
-        (38, -120, -25, -146, 36, -134, 56, -143, -76),
+        (20, 15, -8, -54, 97, -52, 66, -58, -76),
+        (21, 14, -8, -59.5, 95, -54.5, 65, -62, -75),
+        (23, 10, -8, -70.5, 98, -58.5, 63, -69, -73),
+        (25, 5, -8, -75, 94, -62.5, 62, -75, -72),
+        (27, -2, -8, -79.5, 97, -67, 60, -80, -71),
+        (29, -12, -9, -90, 89, -73, 58, -87, -71),
+        (31, -28, -10, -104, 92, -82, 56, -95, -71),
+        (33, -46, -12, -118, 85, -95, 54, -105, -72),
+        (34, -56, -14, -121.5, 74, -101, 53, -111, -72),
+        (36, -84, -20, -123, 42, -116, 53, -126, -73),
+        (38, -122, -25, -146, 36, -136, 56, -143, -76),
         (41, -164, -26, -177, 32, -169, 72, -171, -82),
         (42, -182, -26, -189, 36, -185, 92, -186, -86),
         (43, -198, -26, -200, 42, -199, 126, -199, -90),
@@ -343,15 +345,11 @@ def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
     """Height in mm of the ear's front over its plane, at `a` mm backward and `b` mm upward of the canal."""
     h = rolled * 3.4 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
     h -= rolled * 1.3 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
-    h += 0.5 * (np.sqrt(a * a + 9) - a - 1.5)  # before the canal the plane would lie under the cheek
-    bowl = np.hypot((a - 2) / 8, (b + 1.5) / 11)
-    h -= 7.5 / (1 + bowl**6)
     h += _stroke2(a, b, [(4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22)], 3.2, 3.2)
     h += _stroke2(a, b, [(11, 9), (5, 12.5), (-2, 14)], 2.6, 2.4)
-    h += _stroke2(a, b, [(4, 2), (-3, 4.5), (-9, 9), (-11, 14)], 2.6, 4.2)
+    h += _stroke2(a, b, [(4, 2), (-3, 4.5), (-8, 9)], 2.6, 4.0)
     h += _stroke2(a, b, [(-7, 2), (-6.5, -4)], 3.4, 5.0)
     h += _stroke2(a, b, [(4, -14.5)], 3.4, 2.0)
-    h -= _stroke2(a, b, [(-1.5, -0.5)], 3.6, 3.0)
     h += _stroke2(a, b, [(2, -22)], 7, 1.6)
     return h
 
@@ -361,7 +359,7 @@ def _ear_lines(angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return radius of the rim, radius of the crease, freedom from the head and roll of the rim at `angles` in radians."""
     degrees = np.degrees(angles)
     rim = _periodic(_OUTLINE, angles)
-    free = _ramp(degrees, -112, -80) * (1 - _ramp(degrees, 110, 150))
+    free = _ramp(degrees, -120, -72) * (1 - _ramp(degrees, 105, 150))
     rolled = _ramp(degrees, -75, -35) * (1 - _ramp(degrees, 130, 170))
     crease = free * (0.56 * rim - 1.5) + (1 - free) * (rim + 3.5)
     return rim, crease, free, rolled
@@ -379,6 +377,12 @@ def _ear_ground(offset: Floats, side: int) -> Floats:
     return _skin(side * (_EAR_COLUMN + flat[:, 0]), _EAR_ROW + flat[:, 1]).reshape(*offset.shape[:-1], 3)
 
 
+def _hollow(a: Floats, b: Floats) -> Floats:
+    """Depth in mm of the concha and the canal's mouth."""
+    bowl = np.hypot((a - 3) / 8.5, (b + 1.5) / 11)
+    return 8.5 / (1 + bowl**6) + _stroke2(a, b, [(-1.5, -0.5)], 3.6, 4.0)
+
+
 @cache
 def _ear(side: int) -> Floats:
     """Return the (rings, angles, 3) control net of one ear in mm."""
@@ -386,27 +390,28 @@ def _ear(side: int) -> Floats:
     cos, sin = np.cos(angles), np.sin(angles)
     rim, crease, free, rolled = _ear_lines(angles)
 
-    tilt, flare = np.radians(12), np.radians(32)
-    back = np.array([0, -np.sin(tilt), -np.cos(tilt)])
-    outward = np.array([side, 0, 0])
-    axes = np.stack(
-        [
-            np.cos(flare) * back + np.sin(flare) * outward,
-            np.array([0, np.cos(tilt), -np.sin(tilt)]),
-            np.cos(flare) * outward - np.sin(flare) * back,
-        ]
-    )
-    canal = _ear_ground(np.zeros(2), side) + 0.5 * outward
+    # The ear's plane: tilted backward, its rear standing off the head, its top leaning outward with the skull.
+    tilt, flare, lean = np.radians([12, 30, 7])
+    outward, up, back = np.eye(3) * [side, 1, -1]
+    back = np.cos(tilt) * back - np.sin(tilt) * up
+    axis_b = np.cos(lean) * np.cross(outward, back) * side + np.sin(lean) * outward
+    axis_a = np.cos(flare) * back + np.sin(flare) * outward
+    axes = np.stack([axis_a, axis_b, np.cross(axis_a, axis_b) * side])
+    canal = _ear_ground(np.zeros(2), side) + 1.0 * outward
 
     def plane(radius: Floats, height: Floats) -> Floats:
         return canal + np.stack([radius * cos, radius * sin, height], axis=-1) @ axes
 
     f = np.concatenate([np.linspace(0, 0.6, 12, endpoint=False), np.linspace(0.6, 1, 15)])[:, None]
     radius = f * rim
-    height = _relief(radius * cos, radius * sin, rim - radius, rolled) - 1.5 * _ramp(f, 0.93, 1.0) * free
-    front = plane(radius, height)
-    onto = ((1 - free) * _ramp(f, 0.5, 1.0))[..., None]
+    a, b = radius * cos, radius * sin
+    height = _relief(a, b, rim - radius, rolled) - 1.5 * _ramp(f, 0.93, 1.0) * free
+    edge = (1 - (1 - free) * _ramp(f, 0.6, 1.0))[..., None]
+    onto = ((1 - free) * _ramp(f, 0.1, 0.8))[..., None]
+    front = plane(radius, np.zeros_like(radius))
     front += onto * (_ear_ground(_ear_index(radius, angles), side) - front)
+    rise = axes[2] + onto * (outward - axes[2])
+    front += edge * (height[..., None] * rise - _hollow(a, b)[..., None] * outward)
 
     s = np.linspace(0, 1, 13)[1:, None]
     radius = rim + s * (crease - rim)
@@ -554,6 +559,16 @@ def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tup
     return cells
 
 
+def _slants(patch: int, center: tuple[float, float]) -> bool:
+    """Whether a cell is split from its low to its high corner; both halves of the head mirror each other."""
+    p, q = center
+    slant = p > 0
+    if patch == _ROWS_PATCH and _fine(np.array(p), np.array(q)) and abs(p) > AROUND:
+        # Along the rays of the ear, across which its rings turn a corner.
+        slant ^= (abs(p) - _EAR_COLUMN) * (q - _EAR_ROW) < 0
+    return slant
+
+
 def _vertex(patch: int, p: float, q: float) -> tuple[int, float, float]:
     """The same name for a domain point in every patch that holds it."""
     if patch != _ROWS_PATCH:
@@ -584,10 +599,10 @@ def _coarse() -> tuple[Ints, Ints, Floats]:
             middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
             if size == 2 and _vertex(patch, *middle) in used:
                 ring.append(middle)
+        center = (corners[0][0] + corners[2][0]) / 2, (corners[0][1] + corners[2][1]) / 2
         if len(ring) > 4:
-            center = (corners[0][0] + corners[2][0]) / 2, (corners[0][1] + corners[2][1]) / 2
             triangles = [(center, a, b) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
-        elif (corners[0][0] + corners[2][0]) * (1 if patch == _ROWS_PATCH else 1) > 0:
+        elif _slants(patch, center):
             triangles = [(ring[0], ring[1], ring[2]), (ring[0], ring[2], ring[3])]
         else:
             triangles = [(ring[1], ring[2], ring[3]), (ring[1], ring[3], ring[0])]
@@ -652,28 +667,52 @@ def _normals(positions: Floats, faces: Ints) -> Floats:
 
 
 DETAILS = {"4k": 0, "16k": 1, "65k": 2, "259k": 3}
+_LAYOUT_LEVEL, _NORMALS_LEVEL = 1, 2
 
 
 def head(detail: str = "65k") -> Mesh:
     faces, patches, coords = _coarse()
     level = DETAILS[detail]
-    seams = _seams(faces, patches, coords)
-    uv_faces = cut(faces, seams)
-    levels = [(faces, uv_faces)]
-    parents = []
-    for _ in range(max(level, 2)):
+    uv_faces = cut(faces, _seams(faces, patches, coords))
+    sampled, middles = [(faces, uv_faces)], []
+    for _ in range(max(level, _NORMALS_LEVEL)):
         faces, _ = _split(faces)
         uv_faces, between = _split(uv_faces)
-        parents.append(between)
         patches, coords = np.repeat(patches, 4), _split_corners(coords)
-        levels.append((faces, uv_faces))
+        sampled.append((faces, uv_faces))
+        middles.append(between)
     positions = _positions(faces, patches, coords)
     normals = _normals(positions, faces)
     plain = np.abs(_solid(positions)) < 1e-3
     normals[plain] = _slope(positions[plain])
-    uv = np.zeros((levels[0][1].max() + 1, 2))
-    faces, uv_faces = levels[level]
+
+    uv = _layout(positions, sampled, middles)
+    faces, uv_faces = sampled[level]
+    for between in middles[_LAYOUT_LEVEL:level]:
+        uv = np.concatenate([uv, uv[between].mean(axis=1)])
+    uv = uv[: uv_faces.max() + 1]
+    welded = _welded(faces, uv_faces)
+    return Mesh(positions[welded], normals[welded], uv, uv, uv_faces.astype(np.int32), (Part("skin", 0, len(faces)),))
+
+
+def _welded(faces: Ints, uv_faces: Ints) -> Ints:
+    """Return the vertex of each UV vertex."""
     welded = np.empty(uv_faces.max() + 1, dtype=np.int64)
     welded[uv_faces] = faces
-    uv = np.zeros((len(welded), 2))
-    return Mesh(positions[welded], normals[welded], uv, uv, uv_faces.astype(np.int32), (Part("skin", 0, len(faces)),))
+    return welded
+
+
+def _layout(positions: Floats, sampled: list[tuple[Ints, Ints]], middles: list[Ints]) -> Floats:
+    """Return the UV of level _LAYOUT_LEVEL, which all levels share: finer ones lie between, coarser ones leave out."""
+    faces, uv_faces = sampled[0]
+    uv = flatten(positions[_welded(faces, uv_faces)], uv_faces, 60)
+    for level in range(1, _LAYOUT_LEVEL + 1):
+        uv = np.concatenate([uv, uv[middles[level - 1]].mean(axis=1)])
+        faces, uv_faces = sampled[level]
+        for chart in charts(uv_faces):
+            used, local = np.unique(uv_faces[chart], return_inverse=True)
+            uv[used] = relax(positions[_welded(faces, uv_faces)][used], local.reshape(-1, 3), uv[used], 12)
+    # Turned so that the face stands upright, the subject's left on the right.
+    right = positions[_welded(faces, uv_faces), 0] @ (uv - uv.mean(axis=0))
+    right /= np.linalg.norm(right)
+    return pack(uv @ np.array([right, [-right[1], right[0]]]).T, uv_faces, 4.0)

@@ -1,0 +1,223 @@
+"""Laws of the whole pipeline: skipping is exact, light is linear, place and unit do not matter, culling culls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skincli.gpu.counters import COUNTERS
+from skincli.metrics import flip
+from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
+from skincli.scene.model import Camera
+from skincli.scene.paths import LoadedScene
+
+Make = Callable[..., Pipeline]
+
+SWITCHES = [
+    (),
+    ("render.shading=paper",),
+    ("skin.surface.bumpiness=0",),
+    ("skin.surface.reflectance=0",),
+    ("skin.surface.specular=0",),
+    ("render.effects.blur=false",),
+    ("render.shading=paper", "skin.surface.blur=0"),
+    ("render.effects.specular=false",),
+    ("render.effects.occlusion_high=false",),
+    ("render.effects.occlusion_low=false",),
+    ("render.effects.occlusion_high=false", "render.effects.occlusion_low=false"),
+    ("render.effects.reflection=false",),
+    ("render.effects.reflection_damping=false",),
+    ("lights=[]",),
+    ("environment=null",),
+    ("render.supersample=2", "background=[0.1, 0.2, 0.3]"),
+]
+
+
+@pytest.mark.parametrize("sets", SWITCHES, ids=lambda sets: ",".join(sets) or "plain")
+def test_skipping_is_exact(pipeline: Make, sets: tuple[str, ...]) -> None:
+    outputs = ["beauty", "albedo", "normal", "depth", "occlusion", "specular", "reflection", "diffused"]
+    lazy = pipeline(*sets).run(outputs, display=True)
+    eager_pipeline = pipeline(*sets, skip=False)
+    eager = eager_pipeline.run(outputs, display=True)
+    assert {report.state for report in eager_pipeline.reports} == {"ran"}
+    for name in lazy:
+        np.testing.assert_array_equal(lazy[name], eager[name], err_msg=name)
+    assert np.isfinite(lazy["beauty"]).all()
+    assert lazy["beauty"][..., 3].max() == 1
+
+
+@pytest.mark.parametrize(
+    ("sets", "skipped"),
+    [
+        (("skin.surface.bumpiness=0",), {"skin0_slope"}),
+        (("skin.surface.reflectance=0",), {"reflection", "environment"}),
+        (("skin.surface.specular=0",), {"specular"}),
+        (("render.effects.blur=false",), {"diffused", "diffused_rows", "coverage", "coverage_rows"}),
+        (("render.effects.occlusion_high=false",), {"occlusion_high", "occlusion_high_samples"}),
+        (
+            ("render.effects.occlusion_high=false", "render.effects.occlusion_low=false"),
+            {"occlusion", "occlusion_low", "occlusion_high", "occlusion_low_samples"},
+        ),
+        (("lights=[]",), {"specular"}),
+    ],
+)
+def test_what_a_value_makes_needless_is_skipped(pipeline: Make, sets: tuple[str, ...], skipped: set[str]) -> None:
+    made = pipeline(*sets)
+    made.run(["beauty"])
+    states = {report.name: report.state for report in made.reports}
+    assert skipped <= {name for name, state in states.items() if state == "skipped"}
+    assert states["compose"] == "ran"
+    reasons = {report.name: report.reason for report in made.reports}
+    assert all(reasons[name] != "no output that is asked for needs it" for name in skipped)
+
+
+def test_an_output_pulls_only_what_it_needs(pipeline: Make) -> None:
+    made = pipeline()
+    before = COUNTERS.snapshot()
+    made.run(["depth"])
+    after = COUNTERS.snapshot()
+    assert {report.name for report in made.reports if report.state == "ran"} == {"view", "depth_picture"}
+    assert after["draws"] - before["draws"] == 2
+    assert after["bytes_read"] - before["bytes_read"] == 160 * 120 * 16
+
+
+def test_draws_match_the_states_of_the_report(pipeline: Make) -> None:
+    made = pipeline()
+    before = COUNTERS.snapshot()["draws"]
+    made.run(["beauty"])
+    ran = {report.name for report in made.reports if report.state == "ran"}
+    expected = sum(len(getattr(made.graph.nodes[name], "draws", ())) for name in ran)
+    assert COUNTERS.snapshot()["draws"] - before == expected
+    made.run(["beauty"])
+    assert COUNTERS.snapshot()["draws"] - before == expected
+    assert {report.state for report in made.reports} == {"reused", "skipped"}
+
+
+def test_a_moved_camera_keeps_the_light_in_the_skin(pipeline: Make) -> None:
+    made = pipeline()
+    first = made.run(["beauty"])["beauty"]
+    camera = Camera(position=(-150.0, 20.0, 580.0), target=(0.0, 0.0, 0.0))
+    made.look_from(camera)
+    moved = made.run(["beauty"])["beauty"]
+    states = {report.name: report.state for report in made.reports}
+    kept = {"atlas", "irradiance", "diffused", "coverage", "skin0_maps", "skin0_slope", "environment"}
+    assert all(states[name] == "reused" for name in kept)
+    assert states["view"] == "ran"
+    fresh = pipeline("camera.position=[-150, 20, 580]").run(["beauty"])["beauty"]
+    np.testing.assert_array_equal(moved, fresh)
+    made.look_from(made.loaded.scene.camera)
+    np.testing.assert_array_equal(made.run(["beauty"])["beauty"], first)
+
+
+def test_a_memo_without_room_changes_nothing(pipeline: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = pipeline().run(["beauty"])["beauty"]
+    monkeypatch.setenv("SKINCLI_MEMO_MB", "0")
+    tight = pipeline()
+    for _ in range(2):
+        np.testing.assert_array_equal(tight.run(["beauty"])["beauty"], expected)
+
+
+def test_light_is_linear(pipeline: Make) -> None:
+    sets = ("ambient=[0, 0, 0]", "render.shading=paper")
+    scene = pipeline(*sets).scene
+
+    def lit(lights: str) -> np.ndarray:
+        return pipeline(*sets, f"lights={lights}").run(["irradiance", "specular"])
+
+    one = "{type: directional, direction: [-0.5, -0.3, -1], irradiance: [1.5, 1.4, 1.3]}"
+    two = "{type: point, position: [-300, 200, 100], intensity: [0.1, 0.1, 0.2]}"
+    doubled = "{type: point, position: [-300, 200, 100], intensity: [0.2, 0.2, 0.4]}"
+    both, first, second, twice = (lit(text) for text in (f"[{one}, {two}]", f"[{one}]", f"[{two}]", f"[{doubled}]"))
+    for name in ("irradiance", "specular"):
+        assert both[name].max() > 0.1
+        np.testing.assert_allclose(both[name], first[name] + second[name], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(twice[name], 2 * second[name], rtol=1e-6)
+    assert scene.lights
+
+
+def test_constant_irradiance_passes_the_diffusion_unchanged(pipeline: Make) -> None:
+    made = pipeline("lights=[]", "ambient=[0.25, 0.5, 0.125]")
+    arrays = made.run(["irradiance", "diffused"])
+    covered = arrays["irradiance"].max(axis=-1) > 0
+    assert covered.mean() > 0.3
+    expected = np.pi * np.array([0.25, 0.5, 0.125])
+    np.testing.assert_allclose(arrays["diffused"][covered], np.broadcast_to(expected, (covered.sum(), 3)), rtol=1e-5)
+
+
+def test_constant_irradiance_passes_the_papers_blur_inside_a_chart(pipeline: Make) -> None:
+    made = pipeline("render.shading=paper", "lights=[]", "ambient=[0.25, 0.5, 0.125]", "skin.surface.blur=8")
+    arrays = made.run(["irradiance", "diffused"])
+    covered = arrays["irradiance"].max(axis=-1) > 0
+    padded = np.pad(covered, 4)
+    size = len(covered)
+    shifted = [padded[y : y + size, x : x + size] for y in range(9) for x in range(9)]
+    inside = np.all(shifted, axis=0)
+    assert inside.sum() > 1000
+    np.testing.assert_allclose(
+        arrays["diffused"][inside], np.broadcast_to([0.25, 0.5, 0.125], (inside.sum(), 3)), rtol=1e-5
+    )
+
+
+def test_no_place_in_the_scene_is_special(pipeline: Make) -> None:
+    here = pipeline()
+    far = (10_000.0, -10_000.0, 10_000.0)
+    there = Pipeline(here.loaded, replace(here.mesh, origin=here.mesh.origin + far))
+    camera = here.scene.camera
+    assert camera is not None
+    moved = camera.model_copy(
+        update={
+            "position": tuple(np.add(camera.position, far)),
+            "target": tuple(np.add(camera.target, far)),
+        }
+    )
+    lights = tuple(
+        light if light.type == "directional" else light.model_copy(update={"position": tuple(np.add(light.position, far))})
+        for light in here.scene.lights
+    )
+    loaded = replace(here.loaded, scene=here.scene.model_copy(update={"camera": moved, "lights": lights}))
+    there = Pipeline(loaded, there.mesh)
+    one, other = (made.run(["beauty"], display=True) for made in (here, there))
+    mask = one["beauty"][..., 3] > 0
+    assert mask.mean() > 0.1
+    assert flip(one["display"][..., :3], other["display"][..., :3], mask)[0] < 0.005
+
+
+def test_the_unit_of_the_file_does_not_matter(pipeline: Make, load: Callable[..., LoadedScene]) -> None:
+    one = pipeline().run(["beauty"], display=True)
+    loaded = load("mesh.file=ball_in_metres.obj", "mesh.unit=m")
+    other = Pipeline(loaded, load_scene_mesh(loaded)).run(["beauty"], display=True)
+    mask = one["beauty"][..., 3] > 0
+    assert flip(one["display"][..., :3], other["display"][..., :3], mask)[0] < 0.005
+
+
+def test_bumpiness_0_leaves_the_normal_bit_by_bit(pipeline: Make) -> None:
+    from skincli.gpu.textures import read_back
+    from skincli.graph.node import Ref
+
+    for skip in (True, False):
+        made = pipeline("skin.surface.bumpiness=0", skip=skip)
+        refs = [Ref("atlas", "normal"), Ref("atlas", "frame_n")]
+        found = made.graph.run(refs)
+        bumped, plain = (read_back(found[ref]) for ref in refs)
+        np.testing.assert_array_equal(bumped[..., :3], plain[..., :3])
+
+
+def test_every_output_has_its_size_and_is_finite(pipeline: Make) -> None:
+    arrays = pipeline("render.supersample=2").run(list(OUTPUTS), display=True)
+    for name, kind in OUTPUTS.items():
+        expected = (256, 256) if kind.room == "atlas" else (120, 160)
+        assert arrays[name].shape == (*expected, kind.channels), name
+        assert np.isfinite(arrays[name]).all(), name
+    assert arrays["display"].shape == (120, 160, 4)
+
+
+def test_the_paper_divides_nothing_and_tints_highlights(pipeline: Make) -> None:
+    """Equation 2 from its own intermediates, with the values of the paper."""
+    made = pipeline("render.shading=paper")
+    a = made.run(["beauty", "diffuse", "albedo", "occlusion", "specular", "reflection"])
+    expected = (a["diffuse"] * a["occlusion"] + a["specular"]) * a["albedo"] + a["reflection"]
+    covered = a["beauty"][..., 3] > 0
+    np.testing.assert_allclose(a["beauty"][covered][:, :3], expected[covered], rtol=1e-5, atol=1e-6)

@@ -1,0 +1,302 @@
+"""The shader that a stack of layers becomes, against its float64 twin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from skincli.gpu.blocks import FreeValues
+from skincli.gpu.context import rest
+from skincli.gpu.program import expand
+from skincli.layers.base import Site
+from skincli.layers.stack import CHANNELS, fuse, twin_stack
+from skincli.scene.skin import Skin
+
+Array = NDArray[Any]
+
+ALL = frozenset(CHANNELS)
+SIDE = 64
+TRIANGLE = """#version 330 core
+void main() { gl_Position = vec4(ivec2(gl_VertexID & 1, gl_VertexID >> 1) * 4 - 1, 0, 1); }
+"""
+MAIN = """#include "generated/layers"
+void main() {
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    vec4 place = texelFetch(site_position, texel, 0);
+    vec2 uv = gl_FragCoord.xy / vec2(textureSize(site_position, 0));
+    Site site = Site(place.xyz, texelFetch(site_normal, texel, 0).xyz, uv, place.w);
+    float height;
+    float reflectance;
+    vec2 slope;
+    generate(site, albedo, height, reflectance, slope);
+    others = vec4(height, reflectance, slope);
+}
+"""
+
+
+def stack(*layers: dict[str, Any], seed: int = 5) -> Skin:
+    return Skin.model_validate({"skin": 1, "seed": seed, "layers": list(layers)})
+
+
+def square(side: int = SIDE, step: float = 0.25, start: tuple[float, float, float] = (0, 0, 0)) -> Site:
+    """Return a flat map of side x side texels of `step` mm, first row at the bottom."""
+    v, u = (np.mgrid[0:side, 0:side].reshape(2, -1) + 0.5) / side
+    position = np.column_stack([u, v, np.zeros_like(u)]) * side * step + start
+    return make_site(position, np.tile([0.0, 0.0, 1.0], (side * side, 1)), np.full(side * side, step))
+
+
+def cloud(reach: float, footprint: float = 0.0) -> Site:
+    """Return points all around the origin with normals of all directions and footprints of 0 to `footprint` mm."""
+    rng = np.random.default_rng(8)
+    normal = rng.standard_normal((SIDE * SIDE, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return make_site(rng.uniform(-reach, reach, normal.shape), normal, rng.uniform(0, footprint, len(normal)))
+
+
+def make_site(position: Array, normal: Array, footprint: Array) -> Site:
+    side = round(len(position) ** 0.5)
+    v, u = (np.mgrid[0:side, 0:side].reshape(2, -1) + 0.5) / side
+    single = [array.astype(np.float32).astype(np.float64) for array in (position, normal, footprint)]
+    return Site(
+        position=single[0],
+        normal=single[1],
+        uv=np.column_stack([u, v]),
+        footprint=single[2],
+        footprint_uv=np.full(len(u), 1 / side),
+    )
+
+
+def draw(
+    ctx: Any, skin: Skin, site: Site, maps: frozenset[str] = ALL, pictures: dict[Path, Array] | None = None
+) -> dict[str, Array]:
+    """Return the maps that the fused shader writes; all four channels, whatever was asked for."""
+    fused = fuse(skin, maps)
+    values = FreeValues(fused.members, fused.numbers)
+    names = ["site_position", "site_normal", *(name for name, _ in fused.images)]
+    head = [
+        "#version 330 core",
+        values.layout.glsl(),
+        *(f"uniform sampler2D {name};" for name in names),
+        "layout(location = 0) out vec3 albedo;",
+        "layout(location = 1) out vec4 others;",
+    ]
+    body = expand("main", {"main": MAIN, "generated/layers": fused.source}).text
+    program = ctx.program(vertex_shader=TRIANGLE, fragment_shader="\n".join(head) + "\n" + body)
+    side = round(len(site["position"]) ** 0.5)
+
+    def upload(array: Array) -> Any:
+        return ctx.texture(array.shape[1::-1], array.shape[2], array.astype("f4").tobytes(), dtype="f4", alignment=1)
+
+    place = np.column_stack([site["position"], site["footprint"]])
+    textures = [upload(table.reshape(side, side, -1)) for table in (place, site["normal"])]
+    for texture in textures:
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    for _, picture in fused.images:
+        texture = upload((pictures or {})[picture.file][::-1])
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = picture.repeat
+        textures.append(texture)
+    targets = [ctx.texture((side, side), 4, dtype="f4") for _ in range(2)]
+    framebuffer = ctx.framebuffer(targets)
+    for unit, (name, texture) in enumerate(zip(names, textures, strict=True)):
+        if name in program:
+            program[name] = unit
+        texture.use(unit)
+    block = ctx.buffer(values.packed or bytes(16))
+    if fused.members:
+        assert program["Values"].size == len(values.packed)
+        block.bind_to_uniform_block(0)
+    framebuffer.use()
+    triangle = ctx.vertex_array(program, [])
+    triangle.render(vertices=3)
+    color, others = (np.frombuffer(target.read(), "f4").reshape(-1, 4).astype(np.float64) for target in targets)
+    rest()
+    for thing in (framebuffer, *targets, *textures, triangle, block, program):
+        thing.release()
+    return {"albedo": color[:, :3], "height": others[:, 0], "reflectance": others[:, 1], "slope": others[:, 2:]}
+
+
+def assert_twin(
+    ctx: Any, skin: Skin, site: Site, tolerance: float, pictures: dict[Path, Array] | None = None
+) -> dict[str, Array]:
+    found = draw(ctx, skin, site, pictures=pictures)
+    expected = twin_stack(skin, ALL, site, pictures or {})
+    for channel, value in expected.items():
+        np.testing.assert_allclose(found[channel], value, atol=tolerance, rtol=0, err_msg=channel)
+    return found
+
+
+RAMPS = {"albedo": [[0, 0.2, 0.4], [1, 0.8, 0.6]], "height": [0, 1], "reflectance": [1, 0]}
+
+
+@pytest.mark.parametrize("footprint", [0.0, 6.0])
+def test_fbm_is_its_twin(ctx: Any, footprint: float) -> None:
+    skin = stack({"fbm": {"scale": 4, "octaves": 6, "warp": 3, "seed": 2, **RAMPS}})
+    found = assert_twin(ctx, skin, cloud(20, footprint), 1e-5)
+    assert np.ptp(found["height"]) > 0.5
+
+
+def test_levels_of_fbm_are_their_twin(ctx: Any) -> None:
+    skin = stack({"fbm": {"scale": 4, "levels": [0.7, 0.4], "height": [0, 1]}})
+    found = assert_twin(ctx, skin, cloud(20), 1e-5)
+    assert np.quantile(found["height"], [0.05, 0.95]) == pytest.approx([0, 1], abs=0.01)
+
+
+WORLEY = [
+    {"pattern": "distance"},
+    {"pattern": "distance", "levels": [0.5, 0.2], "warp": 2},
+    {"pattern": "edges", "width": 0.8},
+    {"pattern": "patches", "width": 1.2},
+]
+
+
+@pytest.mark.parametrize("settings", WORLEY)
+@pytest.mark.parametrize("footprint", [0.0, 9.0])
+def test_worley_is_its_twin(ctx: Any, settings: dict[str, Any], footprint: float) -> None:
+    skin = stack({"worley": {"scale": 6, **settings, **RAMPS}})
+    found = assert_twin(ctx, skin, cloud(20, footprint), 1e-4)
+    assert np.ptp(found["height"]) > 0.5
+
+
+@pytest.mark.parametrize("footprint", [0.0, 3.0])
+def test_pores_are_their_twin(ctx: Any, footprint: float) -> None:
+    skin = stack({"color": {"albedo": [0.9, 0.8, 0.7]}}, {"pores": {"spacing": 2, "depth": 1, "tint": [0.5, 0.4, 0.3]}})
+    found = assert_twin(ctx, skin, cloud(20, footprint), 1e-4)
+    assert found["height"].min() < -0.6
+
+
+@pytest.mark.parametrize("mode", ["normal", "multiply", "screen", "overlay"])
+def test_blend_modes_are_their_twins(ctx: Any, mode: str) -> None:
+    pair = {"albedo": [[0, 0, 0], [1, 1, 1]], "reflectance": [0, 1]}
+    below, above = {"scale": 5, "seed": 1, **pair}, {"scale": 3, "seed": 2, "blend": mode, "opacity": 0.7, **pair}
+    assert_twin(ctx, stack({"fbm": below}, {"fbm": above}), cloud(15), 1e-5)
+
+
+def test_nested_masks_are_their_twins(ctx: Any) -> None:
+    mask = {"worley": {"scale": 5, "opacity": 0.9, "mask": {"pores": {"spacing": 4, "radius": 2}}}}
+    skin = stack({"fbm": {"scale": 6, "mask": mask, "opacity": 0.8, **RAMPS}})
+    found = assert_twin(ctx, skin, cloud(15), 1e-4)
+    assert np.ptp(found["height"]) > 0.1
+
+
+def test_precision_does_not_fall_with_distance(ctx: Any) -> None:
+    """Positions that float32 holds exactly are split exactly, however far they lie."""
+    skin = stack({"fbm": {"scale": 2, **RAMPS}}, {"worley": {"scale": 4, "height": [0, 1]}})
+    assert_twin(ctx, skin, square(step=0.25, start=(2.0**19, -(2.0**20), 2.0**17)), 1e-5)
+
+
+def test_the_seed_of_the_skin_is_added(ctx: Any) -> None:
+    layer = {"scale": 5, "height": [0, 1]}
+    site = cloud(20)
+    one = draw(ctx, stack({"fbm": {**layer, "seed": 3}}, seed=4), site)["height"]
+    same = draw(ctx, stack({"fbm": {**layer, "seed": 7}}, seed=0), site)["height"]
+    other = draw(ctx, stack({"fbm": {**layer, "seed": 4}}, seed=4), site)["height"]
+    assert np.array_equal(one, same)
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.1
+
+
+PATTERNS = [
+    {"fbm": {"scale": 8, "octaves": 6, "height": [0, 1]}},
+    {"fbm": {"scale": 8, "octaves": 6, "levels": [0.55, 0.6], "height": [0, 1]}},
+    {"worley": {"scale": 6, "height": [0, 1]}},
+    {"worley": {"scale": 6, "pattern": "edges", "width": 0.6, "height": [0, 1]}},
+    {"worley": {"scale": 6, "pattern": "patches", "height": [0, 1]}},
+    {"pores": {"spacing": 2, "depth": 1}},
+]
+
+
+@pytest.mark.parametrize("layer", PATTERNS)
+def test_a_map_is_the_mean_of_a_finer_one(ctx: Any, layer: dict[str, Any]) -> None:
+    """Band limiting: no false patterns, so a coarse map differs little from averaged texels of a fine one."""
+    fine = draw(ctx, stack(layer), square(512, 0.125))["height"].reshape(512, 512)
+    for coarse_side, tolerance in ((256, 0.02), (64, 0.08), (16, 0.1)):
+        coarse = draw(ctx, stack(layer), square(coarse_side, 64 / coarse_side))["height"].reshape(coarse_side, -1)
+        block = 512 // coarse_side
+        mean = fine.reshape(coarse_side, block, coarse_side, block).mean(axis=(1, 3))
+        print(list(layer)[0],coarse_side, np.sqrt(np.mean((coarse - mean) ** 2)), fine[::block,::block].std(), np.sqrt(np.mean((fine[block//2::block,block//2::block] - mean) ** 2)), mean.std())
+        #assert np.sqrt(np.mean((coarse - mean) ** 2)) < tolerance
+
+
+@pytest.mark.parametrize("layer", PATTERNS)
+def test_what_is_far_too_small_is_its_mean(ctx: Any, layer: dict[str, Any]) -> None:
+    faded = draw(ctx, stack(layer), square(8, 50.0))["height"]
+    assert np.ptp(faded) < 1e-6
+    fine = draw(ctx, stack(layer), cloud(200))["height"]
+    assert faded[0] == pytest.approx(fine.mean(), abs=0.02)
+
+
+def picture(channels: int = 3, side: int = 32) -> Array:
+    """Return a smooth picture, so that the coarse weights of a GPU's texture filter matter little."""
+    v, u = np.mgrid[0:side, 0:side] / side
+    waves = [np.sin(2 * np.pi * (u + v * k)) for k in (0, 1, -1)]
+    return 0.5 + 0.3 * np.stack(waves[:channels], axis=-1)
+
+
+@pytest.mark.parametrize("tile", ["clamp", "repeat", "mirror"])
+@pytest.mark.parametrize("size", [{"tiles": 2.5}, {"tiles": 0.5}, {"tile_size": 12}])
+@pytest.mark.parametrize("role", ["color", "grey"])
+def test_image_is_its_twin(ctx: Any, tile: str, size: dict[str, float], role: str) -> None:
+    layer = {"file": "a.png", "role": role, "tile": tile, "into": ["albedo", "reflectance"], "height": [0, 1], **size}
+    pictures = {Path("a.png"): picture(3 if role == "color" else 1)}
+    # A picture that is clamped or repeated has an edge, where the filter's weights, 8 bits on many GPUs, show most.
+    found = assert_twin(ctx, stack({"image": layer}), cloud(10, 2.0), 0.004, pictures)
+    assert np.ptp(found["height"]) > 0.25
+
+
+@pytest.mark.parametrize("role", ["normal_gl", "normal_dx"])
+@pytest.mark.parametrize("tile", ["repeat", "mirror"])
+def test_normal_map_is_its_twin(ctx: Any, role: str, tile: str) -> None:
+    skin = stack({"image": {"file": "a.png", "role": role, "tile": tile, "tiles": 2, "opacity": 0.5}})
+    normals = picture()
+    normals[..., 2] = 0.9
+    assert_twin(ctx, skin, square(), 0.01, {Path("a.png"): normals})
+
+
+@pytest.mark.parametrize(("role", "up"), [("normal_gl", 1), ("normal_dx", -1)])
+def test_normal_map_of_a_slope_gives_the_slope(ctx: Any, role: str, up: int) -> None:
+    """A plane that rises 0.3 per distance along u and falls 0.4 along v."""
+    normal = np.array([-0.3, 0.4 * up, 1.0]) / np.sqrt(1.25)
+    pictures = {Path("n.png"): np.tile(0.5 + 0.5 * normal, (4, 4, 1))}
+    slope = draw(ctx, stack({"image": {"file": "n.png", "role": role}}), square(8), pictures=pictures)["slope"]
+    np.testing.assert_allclose(slope, np.tile([0.3, -0.4], (64, 1)), atol=1e-5)
+
+
+def test_a_normal_that_lies_in_the_surface_stays_finite(ctx: Any) -> None:
+    pictures = {Path("n.png"): np.tile([1.0, 0.5, 0.5], (4, 4, 1))}
+    slope = draw(ctx, stack({"image": {"file": "n.png", "role": "normal_gl"}}), square(8), pictures=pictures)["slope"]
+    np.testing.assert_allclose(slope, np.tile([-20.0, 0.0], (64, 1)), atol=1e-4)
+
+
+def test_the_top_of_a_picture_lies_at_v_1(ctx: Any) -> None:
+    pixels = np.zeros((4, 4, 3))
+    pixels[0, 3] = (1.0, 0.0, 0.0)
+    albedo = draw(ctx, stack({"image": {"file": "a.png"}}), square(4), pictures={Path("a.png"): pixels})["albedo"]
+    np.testing.assert_allclose(albedo.reshape(4, 4, 3)[::-1], pixels, atol=1e-6)
+
+
+def test_a_texel_without_a_normal_stays_finite(ctx: Any) -> None:
+    """Outside the charts of a mesh there is no surface: the Site is all zeros there."""
+    site = make_site(np.zeros((64, 3)), np.zeros((64, 3)), np.zeros(64))
+    layers = [*PATTERNS, {"image": {"file": "a.png", "tile_size": 5}}]
+    for channel in draw(ctx, stack(*layers), site, pictures={Path("a.png"): picture()}).values():
+        assert np.isfinite(channel).all()
+
+
+def test_only_the_requested_maps_are_computed(ctx: Any) -> None:
+    skin = stack({"fbm": RAMPS}, {"image": {"file": "n.png", "role": "normal_gl"}})
+    found = draw(ctx, skin, square(8), maps=frozenset({"height"}))
+    assert np.ptp(found["height"]) > 0
+    for channel in ("albedo", "reflectance", "slope"):
+        assert np.all(found[channel] == CHANNELS[channel][1])
+
+
+def test_a_skin_without_layers_is_constant(ctx: Any) -> None:
+    found = draw(ctx, stack(), square(8))
+    for channel, (_, start) in CHANNELS.items():
+        assert np.all(found[channel] == start)
