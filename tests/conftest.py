@@ -45,6 +45,7 @@ def _no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
         return
     context = request.getfixturevalue("ctx")
+    context.clear_samplers()  # those of an earlier test would rule over this one's textures
     assert context.error == "GL_NO_ERROR", "an OpenGL error was left before this test"
     yield
     assert context.error == "GL_NO_ERROR", "this test left an OpenGL error"

@@ -47,8 +47,8 @@ class _Entry(BaseModel):
 def _stacked(entry: Any) -> Layer:
     layer: Layer = entry.layer
     if not layer.writes():
-        channels = [key for key in ("albedo", "height", "reflectance") if key in type(layer).model_fields]
-        raise ValueError(f"this {layer.kind()} layer writes nothing; give it at least one of {', '.join(channels)}")
+        writing = sorted(layer.unread_in_mask() - {"name", "enabled", "blend"})
+        raise ValueError(f"this {layer.kind()} layer writes nothing; give it at least one of {', '.join(writing)}")
     return layer
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli import diskcache
-from skincli.errors import InputError
+from skincli.errors import Fault, InputError, LimitError
 from skincli.mesh import surface, unwrap, validate
 from skincli.mesh.model import Material, Mesh, Part
 from skincli.mesh.surface import Floats
@@ -178,6 +178,8 @@ def _trimesh(kind: str, data: bytes, name: str, **options: Any) -> dict[str, Any
             # NumPy only warns when a text stops being numbers half way.
             warnings.filterwarnings("error", message="string or file could not be read")
             loaded: dict[str, Any] = mesh_loaders[kind](file_obj=io.BytesIO(data), file_type=kind, **options)
+    except MemoryError:
+        raise LimitError(Fault("there is not enough memory to read the mesh; use a smaller one", name)) from None
     except Exception as error:  # whatever is wrong with a file, a third-party parser may raise anything
         text = " ".join(str(error).split())[:200]
         validate.fail(
@@ -259,16 +261,19 @@ def _read_stl(data: bytes, references: validate.References, stem: str, notes: li
 def _read_gltf(data: bytes, references: validate.References, stem: str, notes: list[str]) -> list[_Piece]:
     plain = validate.gltf(data, references, notes)
     loaded = _trimesh("gltf", plain.text, references.name, resolver={"buffer": plain.buffer})
-    part_of = dict(zip(loaded["geometry"], plain.parts, strict=True))
+    number = {key: position for position, key in enumerate(loaded["geometry"])}
     frames = {loaded["base_frame"]: np.eye(4)}
-    pieces = []
+    placed = []
     for edge in loaded["graph"]:
-        matrix = frames[edge["frame_from"]] @ edge["matrix"]
-        frames[edge["frame_to"]] = matrix
+        frame = edge["frame_to"]
+        frames[frame] = frames[edge["frame_from"]] @ edge["matrix"]
         if key := edge.get("geometry"):
-            name, material = part_of[key]
-            pieces.append(_piece(loaded["geometry"][key], name, material, matrix))
-    return pieces
+            # trimesh walks backward; its frames begin with the node's number, which restores the file's order.
+            placed.append((int(frame.partition("_")[0]), number[key], key, frame))
+    return [
+        _piece(loaded["geometry"][key], *plain.parts[position], frames[frame])
+        for _, position, key, frame in sorted(placed)
+    ]
 
 
 # ---------------------------------------------------------------- assembling

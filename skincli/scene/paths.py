@@ -211,6 +211,10 @@ def _replaced(node: Node | None, path: Steps, value: Node, mark: Mark) -> Node:
     )
 
 
+#: what tells a skin file's path from a preset's name
+_PATH_LIKE = r"[/\\]|\.ya?ml$"
+
+
 class LoadedSkin(NamedTuple):
     """A skin and the folder to which the paths in it are relative."""
 
@@ -269,6 +273,22 @@ def load_scene(
     return _SceneReader(Path(path), tuple(asset_roots)).load(sets, outputs)
 
 
+def load_skin(skin: str, sets: Sequence[str] = (), asset_roots: Sequence[Path] = ()) -> LoadedSkin:
+    """Read a skin by itself.
+
+    Parameters
+    ----------
+    skin : a preset's name, or the path of a skin file
+    sets : settings as a scene takes them, such as skin.layers[0].opacity=0.5
+    asset_roots : see `skincli.scene.files.asset_roots`
+
+    Raises
+    ------
+    InputError, LimitError, UsageError : as load_scene
+    """
+    return _SceneReader(Path("skin"), tuple(asset_roots)).load_skin(skin, sets)
+
+
 class _SceneReader:
     """Collects the faults of all files of one scene."""
 
@@ -282,34 +302,60 @@ class _SceneReader:
 
     def load(self, sets: Sequence[str], outputs: Collection[str] | None) -> LoadedScene:
         assignments = [_assignment(text) for text in sets]
-        document = self.with_skins(load_file(self.path, self.label, self.faults))
+        document = self.with_sets(self.with_skins(load_file(self.path, self.label, self.faults)), assignments)
+        context = {"base": self.folder, "roots": self.roots, "outputs": outputs}
+        scene, faults = check(document, Scene, context)
+        self.faults += faults
+        found = {place: self.checked_skin(document, place) for place in _skin_places(document)}
+        if scene is None or self.faults:
+            raise self.refusal(assignments)
+        skins = {str(place[1]) if len(place) > 1 else "": skin for place, skin in found.items() if skin is not None}
+        return LoadedScene(scene, skins, self.folder, self.roots, self.label, document)
+
+    def load_skin(self, text: str, sets: Sequence[str]) -> LoadedSkin:
+        assignments = [_assignment(setting) for setting in sets]
+        if re.search(_PATH_LIKE, text):
+            # A file named on the command line may lie anywhere; what it refers to may not.
+            path, label = Path(text), text
+        else:
+            path, label = self.skin_path(text, "SKIN")
+        self.folders[label] = path.parent.resolve()
+        root = self.read_skin(path, label)
+        if root is None:
+            raise self.refusal(assignments)
+        document = self.with_sets(Document(Node(root.mark, items={"skin": root}, size=1 + root.size)), assignments)
+        skin = self.checked_skin(document, ("skin",))
+        if skin is None or self.faults:
+            raise self.refusal(assignments)
+        return skin
+
+    def refusal(self, assignments: Sequence[tuple[str, str, str]]) -> InputError:
+        """Return all faults as one error, file by file."""
+        return InputError(report(self.faults, [*self.folders, *(label for *_, label in assignments)]))
+
+    def with_sets(self, document: Document, assignments: Sequence[tuple[str, str, str]]) -> Document:
+        """Return the document with the settings applied; what cannot be set becomes a fault."""
         for target, value, label in assignments:
             try:
                 document = self.with_skins(set_value(document, target, value, label, _default))
             except InputError as error:
                 if not any(parse(target)[: len(skin)] == skin for skin in self.broken):
                     self.faults += error.faults
-        context = {"base": self.folder, "roots": self.roots, "outputs": outputs}
-        scene, faults = check(document, Scene, context)
+        return document
+
+    def checked_skin(self, document: Document, place: Steps) -> LoadedSkin | None:
+        """Return the skin at a place; None where there is none, or after a fault."""
+        node = document.node(place)
+        if node is None or place in self.broken or (node.items is None and node.value is None):
+            return None
+        folder = self.folders.get(node.mark.file, self.folder)
+        own_file = node.mark.file if node.mark.file in self.folders and node.mark.file != self.label else None
+        if own_file is None and isinstance(node.items, dict) and "skin" not in node.items:
+            # What is written inside a scene needs no version of its own.
+            node = _replaced(node, ("skin",), Node(node.mark, SKIN_VERSION), node.mark)
+        skin, faults = check(Document(node), Skin, {"base": folder, "roots": self.roots}, place, own_file)
         self.faults += faults
-        skins = {}
-        for place in _skin_places(document):
-            node = document.node(place)
-            if node is None or place in self.broken or (node.items is None and node.value is None):
-                continue
-            folder = self.folders.get(node.mark.file, self.folder)
-            own_file = node.mark.file if node.mark.file in self.folders and node.mark.file != self.label else None
-            if own_file is None and isinstance(node.items, dict) and "skin" not in node.items:
-                # What is written inside a scene needs no version of its own.
-                node = _replaced(node, ("skin",), Node(node.mark, SKIN_VERSION), node.mark)
-            context = {"base": folder, "roots": self.roots}
-            skin, faults = check(Document(node), Skin, context, place, own_file)
-            self.faults += faults
-            if skin is not None:
-                skins[str(place[1]) if len(place) > 1 else ""] = LoadedSkin(skin, folder)
-        if scene is None or self.faults:
-            raise InputError(report(self.faults, [*self.folders, *(label for *_, label in assignments)]))
-        return LoadedScene(scene, skins, self.folder, self.roots, self.label, document)
+        return None if skin is None else LoadedSkin(skin, folder)
 
     def with_skins(self, document: Document) -> Document:
         """Return the document with every skin that is a name or a path replaced by its file's content."""
@@ -356,7 +402,7 @@ class _SceneReader:
 
     def skin_path(self, text: str, what: str) -> tuple[Path, str]:
         """Return the file of a preset's name or a path, and what messages call it."""
-        if re.search(r"[/\\]|\.ya?ml$", text):
+        if re.search(_PATH_LIKE, text):
             label = str(self.path.parent / text)
             return files.resolve(text, self.folder, self.roots, what), label
         presets = {path.stem: path for path in sorted(resources.folder("presets").glob("*.yaml"))}

@@ -39,7 +39,8 @@ def ball(scale: float = 1.0, rows: int = 32, columns: int = 64) -> str:
     polar, around = np.pi * v / rows, 2 * np.pi * (u / columns - 0.25)
     radius = 80 + 8 * np.sin(3 * around) * np.sin(polar) ** 2
     points = np.stack(
-        [radius * np.sin(polar) * np.cos(around), 100 * np.cos(polar), -radius * np.sin(polar) * np.sin(around)], axis=-1
+        [radius * np.sin(polar) * np.cos(around), 100 * np.cos(polar), -radius * np.sin(polar) * np.sin(around)],
+        axis=-1,
     )
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in scale * points.reshape(-1, 3)]
     lines += [f"vt {x:.9g} {y:.9g}" for x, y in np.stack([u / columns, 1 - v / rows], axis=-1).reshape(-1, 2)]

@@ -174,7 +174,9 @@ def test_no_place_in_the_scene_is_special(pipeline: Make) -> None:
         }
     )
     lights = tuple(
-        light if light.type == "directional" else light.model_copy(update={"position": tuple(np.add(light.position, far))})
+        light
+        if light.type == "directional"
+        else light.model_copy(update={"position": tuple(np.add(light.position, far))})
         for light in here.scene.lights
     )
     loaded = replace(here.loaded, scene=here.scene.model_copy(update={"camera": moved, "lights": lights}))

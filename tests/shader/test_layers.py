@@ -213,14 +213,16 @@ PATTERNS = [
 
 @pytest.mark.parametrize("layer", PATTERNS)
 def test_a_map_is_the_mean_of_a_finer_one(ctx: Any, layer: dict[str, Any]) -> None:
-    """Band limiting: no false patterns, so a coarse map differs little from averaged texels of a fine one."""
+    """Band limiting: texels of 0.25 and 1 mm agree with averaged ones of 0.125 mm, and none gain contrast by aliasing.
+
+    At 4 mm, half of the patterns' size or more, they have partly faded to their mean, earlier than an average would.
+    """
     fine = draw(ctx, stack(layer), square(512, 0.125))["height"].reshape(512, 512)
-    for coarse_side, tolerance in ((256, 0.02), (64, 0.08), (16, 0.1)):
-        coarse = draw(ctx, stack(layer), square(coarse_side, 64 / coarse_side))["height"].reshape(coarse_side, -1)
-        block = 512 // coarse_side
-        mean = fine.reshape(coarse_side, block, coarse_side, block).mean(axis=(1, 3))
-        print(list(layer)[0],coarse_side, np.sqrt(np.mean((coarse - mean) ** 2)), fine[::block,::block].std(), np.sqrt(np.mean((fine[block//2::block,block//2::block] - mean) ** 2)), mean.std())
-        #assert np.sqrt(np.mean((coarse - mean) ** 2)) < tolerance
+    for side, tolerance in ((256, 0.03), (64, 0.12), (16, 0.27)):
+        coarse = draw(ctx, stack(layer), square(side, 64 / side))["height"].reshape(side, side)
+        mean = fine.reshape(side, 512 // side, side, 512 // side).mean(axis=(1, 3))
+        assert np.sqrt(np.mean((coarse - mean) ** 2)) < tolerance
+        assert coarse.std() < 1.1 * mean.std() + 0.01
 
 
 @pytest.mark.parametrize("layer", PATTERNS)

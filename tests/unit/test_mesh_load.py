@@ -310,7 +310,7 @@ def test_gltf_uv_without_material_and_without_nodes(tmp_path: Path) -> None:
 
 
 def test_gltf_second_uv_set_normalized_integers_and_transform(tmp_path: Path) -> None:
-    positions, uv, faces = dome()
+    _, uv, faces = dome()
     look = {
         "baseColorTexture": {
             "index": 0,
@@ -466,7 +466,7 @@ def test_computed_normals_have_no_seam(tmp_path: Path) -> None:
 
 def test_bodies_that_touch_do_not_smooth_into_each_other(tmp_path: Path) -> None:
     box = trimesh.creation.box(extents=(20, 20, 20))
-    both = [np.array(box.vertices), np.array(box.vertices) + [20, 0, 0]]
+    both = [np.array(box.vertices), np.array(box.vertices) + np.array([20, 0, 0])]
     text = ""
     for number, positions in enumerate(both):
         text += f"o box{number}\n" + "".join("v {} {} {}\n".format(*row) for row in positions)
@@ -494,7 +494,7 @@ def test_an_inside_out_surface_is_turned(tmp_path: Path, with_normals: bool) -> 
 
 
 def normals_file(tmp_path: Path, normals: Floats, flip_faces: bool = False) -> Path:
-    positions, uv, faces = dome()
+    _, _, faces = dome()
     given = arrays() | {"normals": normals.astype(np.float32)}
     if flip_faces:
         given["indices"] = faces[:, ::-1].astype(np.uint16).ravel()
@@ -508,7 +508,7 @@ def smooth() -> Floats:
 
 
 def test_authored_normals_are_kept_and_renormalized(tmp_path: Path) -> None:
-    tilted = smooth() + [0.3, 0, 0]
+    tilted = smooth() + np.array([0.3, 0, 0])
     mesh = load_mesh(normals_file(tmp_path, tilted * 7), 1.0)
     assert mesh.normals == pytest.approx(tilted / np.linalg.norm(tilted, axis=1, keepdims=True), abs=1e-6)
     assert mesh.notes == ()

@@ -68,7 +68,7 @@ def test_noise_in_every_format(tmp_path: Path, suffix: str) -> None:
     for length in (1, 40, 4000):
         noise = generator.integers(0, 256, length, dtype=np.uint8).tobytes()
         for start in (b"", b"glTF\2\0\0\0", b"ply\nformat ascii 1.0\n", b"solid x\n facet", b"v 1 2 3\nf "):
-            refuse(tmp_path, "noise" + suffix, start + noise, "")
+            refuse(tmp_path, "noise" + suffix, start + noise, "noise")
 
 
 # ---------------------------------------------------------------- OBJ

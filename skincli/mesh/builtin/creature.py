@@ -341,7 +341,9 @@ def _flesh(points: Array) -> Array:
     """Signed distance to the bust with the sheaths from which the tentacles come."""
     d = _bust(points)
     for (a, b, c), thick in zip(_sheaths(), _table("thickness"), strict=True):
-        sheath = np.minimum(_cone(points, a, b, 0.78 * thick, 0.55 * thick), _cone(points, b, c, 0.55 * thick, 0.4 * thick))
+        sheath = np.minimum(
+            _cone(points, a, b, 0.78 * thick, 0.5 * thick), _cone(points, b, c, 0.5 * thick, 0.28 * thick)
+        )
         d = _smooth_min(d, sheath, 9)
     return d
 
@@ -352,7 +354,9 @@ def _sheaths() -> Array:
     line, _ = _curves()
     places = np.array([0.0, _SUNK + 3.0, _SUNK + 12.0])
     spans = np.linalg.norm(np.diff(line, axis=1), axis=2).mean(axis=1)
-    return np.stack([CubicSpline(np.arange(_STEPS + 1) * span, curve)(places) for curve, span in zip(line, spans, strict=True)])
+    return np.stack(
+        [CubicSpline(np.arange(_STEPS + 1) * span, curve)(places) for curve, span in zip(line, spans, strict=True)]
+    )
 
 
 def _groove(distance: Array, width: float) -> Array:
@@ -458,47 +462,33 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _turn_edges(faces: NDArray[np.int64], position: Array, normal: Array, chart: Array) -> NDArray[np.int64]:
-    """Turn edges that run across a fold so that they run along it, or the fold would be sawn into teeth."""
-    faces = faces.copy()
-    for _ in range(6):
-        edges, of_face = _edges(faces)
-        order = np.argsort(of_face.ravel(), kind="stable")
-        sorted_edges = of_face.ravel()[order]
-        first = np.flatnonzero(sorted_edges[1:] == sorted_edges[:-1])
-        one, two = order[first], order[first + 1]
-        face_a, face_b = one // 3, two // 3
-        top, bottom = faces[face_a, one % 3], faces[face_b, two % 3]
-        left, right = faces[face_a, (one + 1) % 3], faces[face_a, (one + 2) % 3]
+def _split(params: Array, faces: NDArray[np.int64], marked: NDArray[np.bool_]) -> tuple[Array, NDArray[np.int64]]:
+    """Cut the marked edges at their middle, in parameters, and their triangles with them; a pole has no angle (NaN).
 
-        def cost(i: NDArray[np.int64], j: NDArray[np.int64]) -> Array:
-            # Eight times how far the edge's middle lies from the surface.
-            return np.abs(np.sum((normal[i] - normal[j]) * (position[i] - position[j]), axis=1))
-
-        gain = cost(left, right) - cost(top, bottom)
-        u = chart[top], chart[left], chart[bottom], chart[right]
-        area_a, area_b = _cross(u[1] - u[0], u[2] - u[0]), _cross(u[2] - u[0], u[3] - u[0])
-        # Only where the two triangles make a convex quadrilateral, and neither new one is a splinter.
-        gain[np.minimum(area_a, area_b) < 0.12 * (area_a + area_b)] = 0.0
-        best = np.zeros(len(faces))
-        np.maximum.at(best, face_a, gain)
-        np.maximum.at(best, face_b, gain)
-        chosen = (gain > 0.05) & (gain == best[face_a]) & (gain == best[face_b])
-        if not chosen.any():
-            break
-        faces[face_a[chosen]] = np.stack([top, left, bottom], axis=1)[chosen]
-        faces[face_b[chosen]] = np.stack([top, bottom, right], axis=1)[chosen]
-    return faces
-
-
-def _halve(params: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-    """Cut every triangle into four at the middles of its edges, in parameters; a pole has no angle (NaN)."""
+    Parameters
+    ----------
+    params, faces : (n, 2) and (m, 3)
+    marked : for each edge, in the order of `_edges`
+    """
     edges, of_face = _edges(faces)
-    a, b = params[edges[:, 0]], params[edges[:, 1]]
+    a, b = params[edges[marked, 0]], params[edges[marked, 1]]
     middle = np.where(np.isnan(a), b, np.where(np.isnan(b), a, 0.5 * (a + b)))
-    m = of_face + len(params)
-    quarters = [[faces[:, k], m[:, (k + 2) % 3], m[:, (k + 1) % 3]] for k in range(3)]
-    return np.concatenate([params, middle]), np.concatenate([np.stack(q, axis=1) for q in [*quarters, [m[:, 0], m[:, 1], m[:, 2]]]])
+    number = np.where(marked, len(params) + np.cumsum(marked) - 1, -1)[of_face]
+    count = (number >= 0).sum(axis=1)
+    # Turn each triangle so that its first corner is the odd one out: opposite the only marked, or only unmarked, edge.
+    odd = np.argmax((number >= 0) == (count == 1)[:, None], axis=1)
+    turned = (odd[:, None] + np.arange(3)) % 3
+    v = np.take_along_axis(faces, turned, axis=1)
+    m = np.take_along_axis(number, turned, axis=1)
+    v0, v1, v2, m0, m1, m2 = (*v.T, *m.T)
+    patterns = (
+        ((v0, v1, v2),),
+        ((v0, v1, m0), (v0, m0, v2)),
+        ((v0, m2, m1), (v1, v2, m1), (v1, m1, m2)),
+        ((v0, m2, m1), (v1, m0, m2), (v2, m1, m0), (m0, m1, m2)),
+    )
+    pieces = [np.stack(t, axis=1)[count == k] for k, pattern in enumerate(patterns) for t in pattern]
+    return np.concatenate([params, middle]), np.concatenate(pieces)
 
 
 _PITCH = 1.5  # distance of suckers along a row, in radii of the tentacle
@@ -560,7 +550,9 @@ class _Tube:
         position = self._point(arc, angle)
         da, dt = 0.02, 0.002
         inner = np.minimum(arc, self.length - 1e-3)
-        along = self._point(np.minimum(arc + da, self.length - 1e-3), angle) - self._point(np.maximum(arc - da, 0), angle)
+        along = self._point(np.minimum(arc + da, self.length - 1e-3), angle) - self._point(
+            np.maximum(arc - da, 0), angle
+        )
         across = self._point(inner, angle + dt) - self._point(inner, angle - dt)
         normal = _unit(np.cross(along, across))
         normal[np.isnan(params[:, 1])] = _unit(self.line(self.length, 1))
@@ -591,9 +583,13 @@ class _Tube:
             for k, (far, count) in enumerate(rings):
                 turn = 2 * np.pi * (np.arange(count) + 0.5 * (k % 2)) / count
                 arc = center + far * reach * np.cos(turn)
-                points.append(np.stack([arc, 0.0 * arc + side * (_ROW + far * _SUCKER * np.sin(turn))], -1).reshape(-1, 2))
+                points.append(
+                    np.stack([arc, 0.0 * arc + side * (_ROW + far * _SUCKER * np.sin(turn))], -1).reshape(-1, 2)
+                )
         # Elsewhere: rings across, as far apart as the tube is thick.
-        rows = np.interp(np.arange(0, 2 * len(self.centers) - 1, 2 - level) / 2, np.arange(len(self.centers)), self.centers)
+        rows = np.interp(
+            np.arange(0, 2 * len(self.centers) - 1, 2 - level) / 2, np.arange(len(self.centers)), self.centers
+        )
         root = np.linspace(0.0, rows[0], 2 + 2 * level, endpoint=False)
         tail = np.linspace(rows[-1], self.cap, 2 + round((self.cap - rows[-1]) / (6.0 - 2.8 * level)))[1:]
         end = self.cap + (self.length - self.cap) * np.sin(np.radians((30, 60) if level else (45,)))
@@ -657,23 +653,33 @@ class _Body:
 
     def grid(self) -> Array:
         """Parameters that cover the surface evenly."""
-        return np.stack([g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))], axis=1)
+        return np.stack(
+            [g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))], axis=1
+        )
 
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
-        weight = 0.7 + 2.0 * _smoothstep(0.15, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.7, dense))
-        weight += 0.7 * _smoothstep(0.8, 0.88, dense)
+        weight = 0.8 + 1.0 * _smoothstep(0.15, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.7, dense))
+        weight += 0.6 * _smoothstep(0.8, 0.88, dense)
         total = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
-        places = np.interp(np.linspace(0.0, total[-1], 70 * 2**level + 1), total, dense)
+        places = np.interp(np.linspace(0.0, total[-1], 48 * 2**level + 1), total, dense)
         rings, points, first = [(0, np.zeros(1))], [np.array([[0.0, np.nan]])], 1
         for s in places[1:]:
-            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 52 * np.tanh(5.0 * s)) * 2.0 ** (level - 1)) + 1)
-            pull = 0.2 * _smoothstep(0.06, 0.3, np.array(s))
+            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 36 * np.tanh(5.0 * s)) * 2.0 ** (level - 1)) + 1)
+            pull = 0.16 * _smoothstep(0.06, 0.3, np.array(s))
             rings.append((first, turn))
             points.append(np.stack([np.full(len(turn), s), np.pi * (turn - pull * np.sin(np.pi * turn))], axis=1))
             first += len(turn)
-        return np.concatenate(points), _stitch(rings)
+        params, faces = np.concatenate(points), _stitch(rings)
+        for _ in range(2):
+            position, normal = self.surface(params)
+            i, j = _edges(faces)[0].T
+            bend = np.linalg.norm(normal[i] - normal[j], axis=1) * np.linalg.norm(position[i] - position[j], axis=1)
+            # Both sides of the cut must stay alike.
+            on_cut = (np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)
+            params, faces = _split(params, faces, (bend > 1.5 / (1 + level)) & ~on_cut)
+        return params, faces
 
 
 def _flatten_grid(points: Array, theta: Array) -> Array:
@@ -796,12 +802,9 @@ def creature(detail: str = "65k") -> Mesh:
     pieces = []
     for shape in shapes:
         params, faces = shape.samples(min(level, 1))
-        position, normal = shape.surface(params)
-        if isinstance(shape, _Body):
-            faces = _turn_edges(faces, position, normal, shape.chart(params))
         if level == 2:
-            params, faces = _halve(params, faces)
-            position, normal = shape.surface(params)
+            params, faces = _split(params, faces, np.ones(len(_edges(faces)[0]), dtype=bool))
+        position, normal = shape.surface(params)
         pieces.append((position, normal, shape.chart(params), faces))
     uv = _pack([shape.chart(shape.grid()) for shape in shapes], [piece[2] for piece in pieces])
     first = np.cumsum([0, *(len(piece[0]) for piece in pieces)])

@@ -39,7 +39,9 @@ def _carve(a: Floats, b: Floats, width: float) -> Floats:
     return -_blend(-a, b, width)
 
 
-def _ellipsoid(p: Floats, center: tuple[float, float, float], radii: tuple[float, float, float], tilt: float = 0) -> Floats:
+def _ellipsoid(
+    p: Floats, center: tuple[float, float, float], radii: tuple[float, float, float], tilt: float = 0
+) -> Floats:
     """Distance to an ellipsoid to first order; `tilt` turns it about X, in degrees, its top going backward."""
     q = p - np.array(center)
     if tilt:
@@ -90,10 +92,12 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
     f = _blend(f, _rope(m, [(33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)]), 24)
     f = _blend(f, _rope(m, [(56, 0, -14, 14), (57, -34, -10, 14)]), 24)
-    f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 24)
+    f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 26)
+    f = _blend(f, _ellipsoid(p, (0, -98, 40), (30, 20, 42)), 20)
+    f = _blend(f, _ellipsoid(m, (28, -68, 44), (24, 32, 30)), 22)
     f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
-    f = _blend(f, _ellipsoid(p, (0, -74, 68), (34, 30, 27)), 18)
+    f = _blend(f, _ellipsoid(p, (0, -74, 67), (36, 31, 28)), 24)
     # Neck and shoulders.
     neck = _rope(p, [(0, -40, -25, 47), (0, -200, -33, 54)])
     neck = _blend(neck, _rope(m, [(26, -60, -44, 20), (30, -190, -58, 22)]), 30)
@@ -102,12 +106,12 @@ def _solid(points: Floats) -> Floats:
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
     neck = _blend(neck, _ellipsoid(p, (0, -226, -26), (134, 48, 66)), 36)
     neck = _blend(neck, _rope(m, [(14, -198, 22, 6), (60, -192, 12, 6), (108, -194, -14, 7)]), 14)
-    f = _blend(f, neck, 24)
+    f = _blend(f, neck, 28)
 
     # Eyes: socket, brow, ball with its closed lids.
-    f = _carve(f, _ellipsoid(m, (30, -4, 93), (20, 13, 17)), 14)
+    f = _carve(f, _ellipsoid(m, (30, -3, 94), (20, 12.5, 17)), 15)
     f = _blend(f, _rope(m, [(8, 19, 80, 7), (26, 24, 75, 8), (46, 22, 60, 8), (58, 10, 42, 6)]), 16)
-    f = _blend(f, _ellipsoid(m, (32, -3, 64), (17, 13, 14.5)), 7)
+    f = _blend(f, _ellipsoid(m, (32, -3, 64), (17, 12.5, 14.5)), 9)
     # Nose.
     nose = _rope(p, [(0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5)])
     nose = _blend(nose, _rope(m, [(7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)]), 12)
@@ -122,7 +126,7 @@ def _solid(points: Floats) -> Floats:
     f += _stroke(p, [(0, -55, 96), (0, -66, 99)], 3, -1.3)
     f += _stroke(m, [(4.8, -55, 96), (5.2, -66, 99)], 2.2, 0.7)
     f += _stroke(m, [(19, -44, 88), (28, -62, 80), (32, -76, 74)], 5, -1.0)
-    f += _stroke(m, [(17, -2, 76), (24, 5, 79), (33, 7, 78), (42, 4, 73), (49, -3, 65)], 2.6, -0.9)
+    f += _stroke(m, [(22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65)], 2.4, -0.8)
     f += _stroke(m, [(60, 22, 46), (62, 30, 44)], 20, -1.5)
     return -_blend(-f, points[:, 1] + 206, 16)
 
@@ -134,7 +138,7 @@ AROUND, SIDE, DOWN = 12, 20, 44  # half the front's and the back's columns, a si
 BACK = 2 * AROUND + SIDE  # the column at the back of the head
 
 _COLUMN = PchipInterpolator(  # column -> angle round the axis in degrees, 0 at the face
-    [0, 3, 6, 9, 10, 11, 12, 28, 30, 32, 44, 45], [0, 8, 16.5, 29, 35, 45, 60, 118, 128, 138, 180, 183.5]
+    [0, 3, 6, 9, 10, 11, 12, 28, 30, 32, 44, 45], [0, 8, 16.5, 29.5, 38, 47.5, 57, 117, 127, 137.5, 180, 183.5]
 )
 
 _ROWS = np.array(
@@ -177,7 +181,9 @@ def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
     cos, sin = np.cos(theta), np.sin(theta)
 
     def turn(front: Floats, side: Floats, back: Floats) -> Floats:
-        return (front + 2 * side + back) / 4 + (front - back) / 2 * cos + (front - 2 * side + back) / 4 * np.cos(2 * theta)
+        return (
+            (front + 2 * side + back) / 4 + (front - back) / 2 * cos + (front - 2 * side + back) / 4 * np.cos(2 * theta)
+        )
 
     out, up = turn(fz - oz, sx, oz - bz), turn(fy, sy, by) - oy
     reach = np.hypot(out, up)
@@ -234,7 +240,9 @@ def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
     for row, reach in ((_LIDS, 2.6), (_LIPS, 2.6)):
         rows = row + np.linspace(-reach, reach, 53)
         grid_column, grid_row = np.meshgrid(columns, rows, indexing="ij")
-        points = _meet(_angle(grid_column.ravel()), grid_row.ravel(), np.ones(grid_row.size)).reshape(*grid_row.shape, 3)
+        points = _meet(_angle(grid_column.ravel()), grid_row.ravel(), np.ones(grid_row.size)).reshape(
+            *grid_row.shape, 3
+        )
         x = points[:, 26, 0]
         if row == _LIDS:
             u = (np.abs(x) - 32) / 15.5
@@ -246,7 +254,7 @@ def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
             near = 1 - _ramp(np.abs(x), 29, 44)
         shift = [np.interp(-y, -p[:, 1], r) for y, p, r in zip(line, points, grid_row, strict=True)]
         shift = (np.array(shift) - row) * near
-        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1 - u**2, 0, 0.35))))
+        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1.1 - u**2, 0, 0.6))))
     return result
 
 
@@ -264,15 +272,17 @@ def _skin(column: Floats, row: Floats) -> Floats:
     return _meet(_angle(column), _shift(column, row), np.ones_like(row))
 
 
-def _fold(column: Floats, row: Floats, center: float, openness: PchipInterpolator, depth: float) -> tuple[Floats, Floats]:
+def _fold(
+    column: Floats, row: Floats, center: float, openness: PchipInterpolator, depth: float
+) -> tuple[Floats, Floats]:
     """Return rows and depths in mm of a fold: both walls go in side by side, GAP apart."""
     beta = (row - center) / _BAND
     s = np.abs(beta)
     wide = openness(column)
     gap = 0.06 * np.clip(s / 0.12, 0, 1)
-    lateral = gap + (1 - 0.06) * np.clip((s - 0.42) / 0.58, 0, 1) ** 1.5
+    lateral = gap + (1 - 0.06) * np.clip((s - 0.4) / 0.6, 0, 1) ** 1.7
     lateral = s + (lateral - s) * wide
-    inward = depth * np.clip(1 - s / 0.8, 0, 1) ** 1.3 * wide
+    inward = depth * np.clip(1 - s, 0, 1) ** 2.5 * wide
     return center + np.sign(beta) * lateral * _BAND, inward
 
 
@@ -283,7 +293,7 @@ def _fold(column: Floats, row: Floats, center: float, openness: PchipInterpolato
 @cache
 def _nostril(side: int) -> tuple[Floats, Floats, Floats]:
     """Return the nostril's (column, row), the (2, 2) map from the domain to its unit disk, and the pit's direction."""
-    target = np.array([7.0 * side, -51.0, 100.0])
+    target = np.array([7.2 * side, -50.5, 102.0])
     at = np.array([1.6 * side, 19.5])
     for _ in range(12):
         probe = at + np.array([[0, 0], [0.05, 0], [0, 0.05]])
@@ -296,7 +306,7 @@ def _nostril(side: int) -> tuple[Floats, Floats, Floats]:
     long -= normal * (long @ normal)
     long /= np.linalg.norm(long)
     across = np.cross(normal, long)
-    to_disk = np.stack([long @ tangent / 5.6, across @ tangent / 3.4])
+    to_disk = np.stack([long @ tangent / 4.8, across @ tangent / 2.9])
     inward = np.array([-0.15 * side, 0.9, -0.35])
     return at, to_disk, inward / np.linalg.norm(inward)
 
@@ -306,10 +316,10 @@ def _draw_in(column: Floats, row: Floats, side: int) -> tuple[Floats, Floats, Fl
     at, to_disk, _ = _nostril(side)
     disk = (np.stack([column, row], axis=1) - at) @ to_disk.T
     rho = np.linalg.norm(disk, axis=1)
-    # The pit's wall takes the ring 0.35 to 1.35 of the domain's disk; beyond 2.4 nothing moves.
-    knots = PchipInterpolator([0, 0.4, 0.9, 1.35, 1.8, 2.4, 2.6], [0, 0.5, 0.82, 1.02, 1.5, 2.4, 2.6])
+    # The pit takes the disk's inner 1.55, the rim lies at 1; beyond 2.4, short of the other nostril's, nothing moves.
+    knots = PchipInterpolator([0, 0.5, 1.1, 1.55, 1.9, 2.4, 2.6], [0, 0.6, 0.88, 1.03, 1.5, 2.4, 2.6])
     drawn = np.where(rho < 2.4, knots(np.minimum(rho, 2.5)), rho)
-    depth = 9 * (1 - _ramp(rho, 0, 1.45))
+    depth = 9 * (1 - _ramp(rho, 0, 1.6))
     scale = drawn / np.maximum(rho, 1e-9)
     moved = at + (disk * scale[:, None]) @ np.linalg.inv(to_disk).T
     near = rho < 2.4
@@ -354,7 +364,6 @@ def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
     return h
 
 
-
 def _ear_lines(angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return radius of the rim, radius of the crease, freedom from the head and roll of the rim at `angles` in radians."""
     degrees = np.degrees(angles)
@@ -391,13 +400,13 @@ def _ear(side: int) -> Floats:
     rim, crease, free, rolled = _ear_lines(angles)
 
     # The ear's plane: tilted backward, its rear standing off the head, its top leaning outward with the skull.
-    tilt, flare, lean = np.radians([12, 30, 7])
+    tilt, flare, lean = np.radians([12, 30, 5])
     outward, up, back = np.eye(3) * [side, 1, -1]
     back = np.cos(tilt) * back - np.sin(tilt) * up
     axis_b = np.cos(lean) * np.cross(outward, back) * side + np.sin(lean) * outward
     axis_a = np.cos(flare) * back + np.sin(flare) * outward
     axes = np.stack([axis_a, axis_b, np.cross(axis_a, axis_b) * side])
-    canal = _ear_ground(np.zeros(2), side) + 1.0 * outward
+    canal = _ear_ground(np.zeros(2), side) + 2.0 * outward
 
     def plane(radius: Floats, height: Floats) -> Floats:
         return canal + np.stack([radius * cos, radius * sin, height], axis=-1) @ axes
@@ -527,7 +536,11 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
     points = _skin(column, row)
     fold = depth[:, 0] > 0
     if fold.any():
-        inner = np.where((points[fold, 1] < -40)[:, None], [0.0, -75, 40], [32.0, -3, 58] * np.where(points[fold, :1] < 0, [-1, 1, 1], 1))
+        inner = np.where(
+            (points[fold, 1] < -40)[:, None],
+            [0.0, -75, 40],
+            [32.0, -3, 58] * np.where(points[fold, :1] < 0, [-1, 1, 1], 1),
+        )
         aim = inner - points[fold]
         points[fold] += depth[fold, :1] * aim / np.linalg.norm(aim, axis=1, keepdims=True)
     for k, side in ((1, -1), (2, 1)):
@@ -543,7 +556,8 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
 def _fine(column: Floats, row: Floats) -> NDArray[np.bool_]:
     """Whether the 2 x 2 cells about a point of the rows' patch stay apart."""
     ear = (np.abs(np.abs(column) - _EAR_COLUMN) < _EAR_HALF) & (np.abs(row - _EAR_ROW) < _EAR_HALF)
-    face = (np.abs(column) < 10) & (row > 4) & (row < 32)
+    face = (np.abs(column) < 10) & (row > 4) & (row < 28)
+    face |= (np.abs(column) < 12) & (row > 6) & (row < 14)
     return ear | face
 
 
