@@ -55,9 +55,8 @@ def borders(points: Array, x: Array, y: Array) -> tuple[Array, NDArray[np.intp]]
         between = points[index[..., other]] - first
         between -= np.round(between)
         across = np.hypot(between[..., 0], between[..., 1])
-        border = np.minimum(
-            border, (distance[..., other] ** 2 - distance[..., 0] ** 2) / (2 * np.maximum(across, 1e-9))
-        )
+        plane = (distance[..., other] ** 2 - distance[..., 0] ** 2) / (2 * np.maximum(across, 1e-9))
+        border = np.minimum(border, plane)
     return border, index[..., 0]
 
 

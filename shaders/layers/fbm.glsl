@@ -11,7 +11,8 @@ float fbm_layer(fbm_values p, Site site) {
     float amplitude = p.amplitude;
     float size = p.scale;
     float sum = 0.5;
-    for (int octave = 0; octave < p.octaves; ++octave) {
+    // Octaves of one texel and less add nothing, see `resolved`.
+    for (int octave = 0; octave < p.octaves && size > site.footprint; ++octave) {
         sum += amplitude * resolved(size, site.footprint) * gradient_noise(cell, fraction, p.seed + 7919 * octave);
         amplitude *= p.gain;
         size *= 0.5;

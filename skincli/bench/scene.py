@@ -32,13 +32,13 @@ parts:
         - color: {albedo: [0.8, 0.6, 0.5]}
         - fbm: {scale: 20, octaves: 2, height: [0, 1.5], reflectance: [0.5, 1]}
       surface: {specular: 0.3, shininess: 18, reflectance: 0.3, blur: 5}
-camera: {position: [60, 210, 330], target: [0, 0, 0], fov: 30, exposure: 0.5}
+camera: {position: [60, 210, 330], target: [0, 0, 0], fov: 30, exposure: -0.5}
 ambient: [0.1, 0.08, 0.06]
 lights:
   - {type: directional, direction: [-0.5, -0.6, -1], irradiance: [2.0, 1.8, 1.6]}
   - {type: point, position: [-250, 150, 120], intensity: [0.1, 0.12, 0.2]}
   - {type: spot, position: [80, 260, 120], direction: [-0.3, -1, -0.4], intensity: [0.3, 0.2, 0.2], angle: 26, blend: 0.6}
-environment: {image: sky.exr, rotation: 70, exposure: -0.5}
+environment: {image: sky.exr, rotation: 70, exposure: -2}
 render: {size: [320, 240], supersample: 1, atlas: 256, occlusion: {radius_high: 4, radius_low: 25}}
 """
 

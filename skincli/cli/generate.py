@@ -26,7 +26,7 @@ def command(
     """
     from skincli.generate import write_maps
     from skincli.gpu.context import get_context
-    from skincli.scene.files import asset_roots
+    from skincli.files import asset_roots
     from skincli.scene.paths import load_skin
 
     found = load_skin(skin, sets, asset_roots(roots)).skin

@@ -40,7 +40,7 @@ def command(
     from skincli import render
     from skincli.gpu.context import get_context
     from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
-    from skincli.scene.files import asset_roots
+    from skincli.files import asset_roots
     from skincli.scene.paths import load_scene
 
     target = render.Target(output)

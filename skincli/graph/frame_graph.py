@@ -6,18 +6,13 @@ Vocabulary and idea of culling by what is read: Filament's FrameGraph; content k
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import moderngl
 import numpy as np
 
-from skincli.errors import LimitError
 from skincli.gpu import textures
-from skincli.gpu.context import device_info, get_context
-from skincli.gpu.counters import COUNTERS
-from skincli.gpu.program import compile_program
+from skincli.gpu.draw import DrawCall, bind_target, timed
 from skincli.gpu.textures import Texture
 from skincli.graph.node import ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
 from skincli.graph.store import Store
@@ -43,20 +38,6 @@ class NodeReport:
     ms: float | None = None
     key: str = ""
     bytes: int = 0
-
-
-@dataclass
-class _Prepared:
-    """A draw with everything looked up that does not change from frame to frame."""
-
-    draw: Draw
-    program: moderngl.Program
-    vertex_array: moderngl.VertexArray
-    first: int
-    count: int
-    block: moderngl.Buffer | None
-    bindings: tuple[tuple[int, str, moderngl.Sampler], ...]
-    packed: bytes
 
 
 @dataclass
@@ -102,7 +83,7 @@ class FrameGraph:
         self._targets: tuple[Ref, ...] = ()
         self._steps: list[_Step] = []
         self._resolved: dict[Ref, Source] = {}
-        self._prepared: dict[tuple[str, tuple[str, ...]], list[_Prepared]] = {}
+        self._calls: dict[tuple[str, tuple[str, ...]], list[DrawCall]] = {}
         self._shape: object = None
 
     @staticmethod
@@ -276,20 +257,10 @@ class FrameGraph:
         return pins
 
     def _execute(self, step: _Step, outputs: tuple[str, ...], timing: bool) -> float | None:
-        if not timing:
-            self._draw(step, outputs)
-            return None
-        context = get_context()
-        if device_info()["software"]:
-            context.finish()
-            start = time.perf_counter()
-            self._draw(step, outputs)
-            context.finish()
-            return (time.perf_counter() - start) * 1000
-        query = context.query(time=True)
-        with query:
-            self._draw(step, outputs)
-        return query.elapsed / 1e6
+        if timing:
+            return timed(lambda: self._draw(step, outputs))
+        self._draw(step, outputs)
+        return None
 
     def _draw(self, step: _Step, outputs: tuple[str, ...]) -> None:
         node = step.node
@@ -297,85 +268,43 @@ class FrameGraph:
             self.store.put(step.keys["image"], textures.upload(node.make(), node.format, node.mipmaps), pooled=False)
             return
         assert isinstance(node, Pass)
-        context = get_context()
-        targets = [
-            self.store.pool.acquire(node.size, node.outputs[name].format, node.outputs[name].mipmaps)
-            for name in outputs
-        ]
-        framebuffer = self.store.pool.framebuffer(targets, node.depth)
-        framebuffer.use()
-        framebuffer.clear()
-        context.enable_only((context.BLEND if node.additive else 0) | (context.DEPTH_TEST if node.depth else 0))
-        if node.additive:
-            context.blend_func = context.ONE, context.ONE
+        calls = self._prepare(node, outputs)
+        declared = [node.outputs[name] for name in outputs]
+        targets = [self.store.pool.acquire(node.size, output.format, output.mipmaps) for output in declared]
+        bind_target(self.store.pool, targets, node.additive, node.depth)
         needed = {name for output in outputs for name in node.needed_inputs(output)}
-        for prepared in self._prepare(node, outputs):
-            packed = prepared.draw.values.packed
-            if prepared.block is not None:
-                if packed != prepared.packed:
-                    prepared.block.write(packed)
-                    prepared.packed = packed
-                prepared.block.bind_to_uniform_block(0)
-            for unit, name, sampler in prepared.bindings:
-                source: Source = ZERO
-                if name in needed:
-                    source = self._resolve(
-                        node.source(prepared.draw, name) if self.skip else self._raw_source(node, prepared.draw, name)
-                    )
-                texture = (
-                    textures.constant(source.value)
-                    if isinstance(source, Constant)
-                    else self.store.get(self._keys[source])
-                )
-                texture.handle.use(unit)
-                sampler.use(unit)
-            if prepared.count:
-                prepared.vertex_array.render(vertices=prepared.count, first=prepared.first)
-                COUNTERS.draws += 1
-        for name, target in zip(outputs, targets, strict=True):
-            if node.outputs[name].mipmaps:
+        for call, draw in zip(calls, node.draws, strict=True):
+            call(draw.values.packed, [self._texture(node, draw, name, needed) for name in call.reads])
+        for name, output, target in zip(outputs, declared, targets, strict=True):
+            if output.mipmaps:
                 target.handle.build_mipmaps()
             self.store.put(step.keys[name], target)
+
+    def _texture(self, node: Pass, draw: Draw, name: str, needed: set[str]) -> Texture:
+        """Return what a draw reads as `name`: a constant where the outputs at hand do not depend on it."""
+        source: Source = ZERO
+        if name in needed:
+            source = self._resolve(node.source(draw, name) if self.skip else self._raw_source(node, draw, name))
+        if isinstance(source, Constant):
+            return textures.constant(source.value)
+        return self.store.get(self._keys[source])
+
+    def _prepare(self, node: Pass, outputs: tuple[str, ...]) -> list[DrawCall]:
+        key = (node.name, outputs)
+        if key not in self._calls:
+            samplers = [(name, texture.filter, texture.repeat) for name, texture in node.inputs.items()]
+            self._calls[key] = [
+                DrawCall(
+                    node.text(draw, outputs), draw.values.layout, samplers, node.geometry, draw.topology, draw.part
+                )
+                for draw in node.draws
+            ]
+        return self._calls[key]
 
     @staticmethod
     def _raw_source(node: Pass, draw: Draw, name: str) -> Source:
         source = draw.inputs.get(name, node.wired.get(name))
         return ZERO if source is None else source
-
-    def _prepare(self, node: Pass, outputs: tuple[str, ...]) -> list[_Prepared]:
-        """Return the draws with programs, buffers and bindings looked up; the values are those of the present node."""
-        key = (node.name, outputs)
-        if key not in self._prepared:
-            self._prepared[key] = [self._prepare_draw(node, draw, outputs) for draw in node.draws]
-        for prepared, draw in zip(self._prepared[key], node.draws, strict=True):
-            prepared.draw = draw
-        return self._prepared[key]
-
-    def _prepare_draw(self, node: Pass, draw: Draw, outputs: tuple[str, ...]) -> _Prepared:
-        program = compile_program(node.text(draw, outputs))
-        bindings: list[tuple[int, str, moderngl.Sampler]] = []
-        for name, texture in node.inputs.items():
-            if name in program:
-                unit = len(bindings)
-                program[name] = unit
-                bindings.append((unit, name, textures.sampler(texture.filter, texture.repeat)))
-        size = draw.values.layout.size
-        block = None
-        if "Values" in program:
-            declared = program["Values"]
-            assert isinstance(declared, moderngl.UniformBlock)
-            if declared.size != size:
-                raise LimitError(f"the driver lays the uniform block of '{node.name}' out differently from std140")
-            block = get_context().buffer(reserve=size, dynamic=True)
-        if draw.topology == "screen":
-            vertex_array = get_context().vertex_array(program, [], mode=moderngl.TRIANGLES)
-            first, count = 0, 3
-        else:
-            assert node.geometry is not None
-            assert draw.part is not None
-            vertex_array = node.geometry.vertex_array(program, draw.topology)
-            first, count = node.geometry.part_range(draw.topology, draw.part)
-        return _Prepared(draw, program, vertex_array, first, count, block, tuple(bindings), b"")
 
     # -- account -------------------------------------------------------------------------------------------------
 

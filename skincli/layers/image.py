@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from skincli.color import REC709_LUMA
 from skincli.layers.base import Array, Flat, Own, Pattern, Picture, Ramp, Site, Value
-from skincli.scene.files import AssetPath
+from skincli.files import AssetPath
 
 
 class Role(IntEnum):

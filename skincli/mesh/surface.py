@@ -163,11 +163,6 @@ def border_edges(faces: Integers) -> NDArray[np.int64]:
     return directed[uses[inverse] == 1]
 
 
-def wireframe_boundary(faces: Integers) -> NDArray[np.int64]:
-    """Return the edges that exactly one face uses, (k, 2) vertex indices, in that face's direction."""
-    return border_edges(faces)[:, :2]
-
-
 def raster_tiles(uv: Floats, faces: Integers) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return how often, and by what shift, each face must be drawn to cover its image in the repeated unit square.
 

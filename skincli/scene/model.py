@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from skincli.errors import did_you_mean
-from skincli.scene.files import AssetPath
+from skincli.files import AssetPath
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 # glTF 2.0, 3.4: "The units for all linear distances are meters". The other formats do not say.

@@ -10,7 +10,7 @@ from typing import NamedTuple, get_args
 
 from skincli import resources
 from skincli.errors import Fault, InputError, UsageError, did_you_mean
-from skincli.scene import files
+from skincli import files
 from skincli.scene.model import Scene
 from skincli.scene.skin import Skin
 from skincli.scene.yaml import (
@@ -261,7 +261,7 @@ def load_scene(
     path : the scene file
     sets : the values of `--set`, PATH=VALUE, in their order; a relative path in a value is relative to the file that
         it changes
-    asset_roots : see `skincli.scene.files.asset_roots`
+    asset_roots : see `skincli.files.asset_roots`
     outputs : the names that `outputs` may hold; None: not checked
 
     Raises
@@ -280,7 +280,7 @@ def load_skin(skin: str, sets: Sequence[str] = (), asset_roots: Sequence[Path] =
     ----------
     skin : a preset's name, or the path of a skin file
     sets : settings as a scene takes them, such as skin.layers[0].opacity=0.5
-    asset_roots : see `skincli.scene.files.asset_roots`
+    asset_roots : see `skincli.files.asset_roots`
 
     Raises
     ------

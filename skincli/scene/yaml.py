@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
-from skincli.scene.files import nearest
+from skincli.files import nearest
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 64
@@ -529,7 +529,7 @@ def validate(document: Document, model_class: type[M], context: Mapping[str, Any
     ----------
     document : what was read
     model_class : what it must be
-    context : passed to the model's validators, see `skincli.scene.files.AssetPath` and `skincli.scene.model.Scene`
+    context : passed to the model's validators, see `skincli.files.AssetPath` and `skincli.scene.model.Scene`
 
     Raises
     ------

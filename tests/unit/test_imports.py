@@ -15,10 +15,28 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "skincli"
 
 # A room may import itself, rooms of its own or a lower level, and the rooms without OpenGL.
-LEVELS = {"gpu": 0, "graph": 1, "layers": 2, "passes": 2, "pipeline": 3, "render": 4, "bench": 5, "farm": 5, "cli": 6}
+LEVELS = {
+    "gpu": 0,
+    "graph": 1,
+    "layers": 2,
+    "passes": 2,
+    "pipeline": 3,
+    "render": 4,
+    "generate": 4,
+    "bench": 5,
+    "farm": 5,
+    "cli": 6,
+}
 SCENE_MAY = {"layers", "passes"}  # their settings models
 REFERENCE_MAY = {"scene"}
-KNOWS_SCENE = {"pipeline", "render", "bench", "farm", "cli"}  # only these, and reference, know what a person wrote
+KNOWS_SCENE = {
+    "pipeline",
+    "render",
+    "generate",
+    "bench",
+    "farm",
+    "cli",
+}  # only these, and reference, know what a person wrote
 
 
 def room(module: str) -> str:

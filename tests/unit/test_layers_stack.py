@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 
 from skincli.errors import LimitError
-from skincli.layers.base import Picture
+from skincli.layers.base import Picture, Site
 from skincli.layers.stack import CHANNELS, fuse, twin_stack
 from skincli.scene.skin import Skin
-from tests.unit.test_layers_patterns import flat
 
 ALL = frozenset(CHANNELS)
+SITE = Site(
+    position=np.random.default_rng(6).uniform(-10, 10, (100, 3)),
+    normal=np.tile([0.0, 0.0, 1.0], (100, 1)),
+    uv=np.zeros((100, 2)),
+    footprint=np.zeros(100),
+    footprint_uv=np.zeros(100),
+)
 
 
 def stack(*layers: dict[str, Any], seed: int = 0) -> Skin:
@@ -99,15 +105,15 @@ def test_twin_blends_from_bottom_to_top() -> None:
         {"color": {"albedo": [0.5, 0.5, 0.5], "height": -0.2, "reflectance": 0.5, "blend": "multiply"}},
         {"color": {"albedo": [1, 1, 1], "opacity": 0.25}},
     )
-    found = twin_stack(skin, ALL, flat(2, 1), {})
+    found = twin_stack(skin, ALL, SITE, {})
     assert found["albedo"][0] == pytest.approx([0.4, 0.325, 0.55])
-    assert found["height"] == pytest.approx(np.full(4, 0.3))
-    assert found["reflectance"] == pytest.approx(np.full(4, 0.25))
+    assert found["height"] == pytest.approx(np.full(100, 0.3))
+    assert found["reflectance"] == pytest.approx(np.full(100, 0.25))
     assert np.all(found["slope"] == 0)
 
 
 def test_a_mask_multiplies_the_opacity() -> None:
     mask = {"fbm": {"scale": 3, "opacity": 0.5}}
-    masked = twin_stack(stack({"color": {"height": 2, "opacity": 0.8, "mask": mask}}), {"height"}, flat(20, 10), {})
-    pattern = twin_stack(stack({"fbm": {"scale": 3, "height": [0, 1]}}), {"height"}, flat(20, 10), {})
+    masked = twin_stack(stack({"color": {"height": 2, "opacity": 0.8, "mask": mask}}), {"height"}, SITE, {})
+    pattern = twin_stack(stack({"fbm": {"scale": 3, "height": [0, 1]}}), {"height"}, SITE, {})
     assert np.allclose(masked["height"], 2 * 0.8 * 0.5 * pattern["height"], atol=1e-12)

@@ -195,6 +195,26 @@ def test_binary_ply_of_triangles_and_quads(tmp_path: Path, order: str) -> None:
     assert surface.face_areas(mesh).sum() == pytest.approx(125)
 
 
+@pytest.mark.parametrize("mixed", [False, True])
+def test_ply_uv_per_corner(tmp_path: Path, mixed: bool) -> None:
+    header = "ply\nformat binary_little_endian 1.0\nelement vertex 5\nproperty float x\nproperty float y\n"
+    header += "property float z\nelement face {}\nproperty list uchar int vertex_indices\n"
+    header += "property list uchar float texcoord\nend_header\n"
+    points = np.array([[0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0], [5, 15, 0]], dtype="<f4")
+    faces = struct.pack("<B4iB8f", 4, 0, 1, 2, 3, 8, 0, 0, 0.5, 0, 0.5, 1, 0, 1)
+    if mixed:
+        faces += struct.pack("<B3iB6f", 3, 3, 2, 4, 6, 0.6, 0, 1, 0, 0.8, 1)
+    path = tmp_path / "corner.ply"
+    path.write_bytes(header.format(1 + mixed).encode() + points.tobytes() + faces)
+    mesh = load_mesh(path, 1.0)
+    check(mesh)
+    assert mesh.uv_is_unique
+    assert len(mesh.positions) == (7 if mixed else 4)
+    assert np.abs(surface.uv_areas(mesh.uv, mesh.faces)).sum() == pytest.approx(0.7 if mixed else 0.5)
+    corner = np.flatnonzero((np.abs(mesh.positions + mesh.origin - [10, 10, 0]) < 1e-6).all(axis=1))
+    assert sorted(mesh.uv[corner, 0]) == pytest.approx([0.5, 1.0] if mixed else [0.5])
+
+
 def test_vertices_without_index_are_merged(tmp_path: Path) -> None:
     positions, uv, faces = dome()
     flat = np.arange(faces.size).reshape(-1, 3)
@@ -589,6 +609,18 @@ def test_loading_twice_gives_the_same_key(tmp_path: Path) -> None:
     keys = {load_mesh(path, 1.0, use_cache=use_cache).key for use_cache in (True, True, False)}
     assert len(keys) == 1
     assert load_mesh(path, 2.0).key not in keys
+
+
+def test_a_coarse_head_two_units_tall(tmp_path: Path) -> None:
+    sphere = trimesh.creation.uv_sphere(count=[26, 26])
+    sphere.apply_scale([0.75, 1.0, 0.85])
+    path = tmp_path / "head.obj"
+    sphere.export(path, include_normals=False)
+    mesh = load_mesh(path, 120.0)
+    check(mesh)
+    assert 2300 <= len(mesh.faces) <= 2700
+    assert np.ptp(mesh.positions, axis=0) == pytest.approx([180, 240, 204], rel=0.01)
+    assert len(mesh.notes) == 2  # normals computed, UVs made; nothing about the unit
 
 
 @pytest.mark.skipif(not HEAD.exists(), reason="the scanned head is not at hand")

@@ -62,6 +62,16 @@ def test_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refuse(tmp_path, "a.stl", "x" * 11, "at most", LimitError)
 
 
+def test_memory_that_runs_out_is_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from trimesh.exchange import load
+
+    def exhausted(**options: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setitem(load.mesh_loaders, "obj", exhausted)
+    refuse(tmp_path, "a.obj", TRIANGLE + "f 1 2 3\n", "not enough memory", LimitError)
+
+
 @pytest.mark.parametrize("suffix", validate.SUFFIXES)
 def test_noise_in_every_format(tmp_path: Path, suffix: str) -> None:
     generator = np.random.default_rng(3)

@@ -9,7 +9,7 @@ import pytest
 
 from skincli import resources
 from skincli.errors import InputError
-from skincli.scene.files import ROOTS_VARIABLE, asset_roots, resolve
+from skincli.files import ROOTS_VARIABLE, asset_roots, resolve
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +115,7 @@ def _bust(points: Array) -> Array:
     d = _smooth_min(d, ball - 23.0, 15)
     above = _below_plane(q - (1.5, 0, 8), 24, 12)
     below = _below_plane(q - (1.5, 0, 8), -22, 5)
-    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 2.0), ball - 25.5, 2.0), 4.5)
+    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 2.0), ball - 25.5, 2.0), 5.0)
     pupil = 1.4 * np.exp(-((q[:, 1] / 2.2) ** 2) - (q[:, 0] / 7.5) ** 2)
     d = _smooth_min(d, ball - 20.8 + pupil, 1.5)
     # Neck, shoulders, base.
@@ -438,17 +437,24 @@ def _skin(points: Array) -> Array:
 # ---------------------------------------------------------------------------------------------------------------- sampling
 
 
-def _stitch(rings: list[tuple[int, Array]]) -> NDArray[np.int64]:
-    """Triangles between consecutive rings, each given as its first vertex and its ascending places along the ring."""
-    faces = []
-    for (first_a, a), (first_b, b) in pairwise(rings):
-        mid_a, mid_b = 0.5 * (a[1:] + a[:-1]), 0.5 * (b[1:] + b[:-1])
-        apex_b = first_b + np.searchsorted(mid_b, mid_a, side="left")
-        apex_a = first_a + np.searchsorted(mid_a, mid_b, side="right")
-        left_a = first_a + np.arange(len(mid_a))
-        left_b = first_b + np.arange(len(mid_b))
-        faces += [np.stack([left_a, apex_b, left_a + 1], 1), np.stack([left_b, left_b + 1, apex_a], 1)]
-    return np.concatenate(faces)
+def _delaunay(points: Array) -> NDArray[np.int64]:
+    """Counter-clockwise Delaunay triangles of points that fill a rectangle, corners included."""
+    faces = Delaunay(points).simplices.astype(np.int64)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    area = _cross(b - a, c - a)
+    faces[area < 0] = faces[area < 0][:, ::-1]
+    kept: NDArray[np.int64] = faces[np.abs(area) > 1e-7]
+    return kept
+
+
+def _with_pole(params: Array, faces: NDArray[np.int64], end: int, place: float) -> tuple[Array, NDArray[np.int64]]:
+    """Close the first (`end` 0) or last (-1) ring with a fan about one vertex at `place`, which has no angle (NaN)."""
+    ring = np.flatnonzero(params[:, 0] == np.sort(params[:, 0])[end])
+    ring = ring[np.argsort(params[ring, 1])]
+    if end == 0:
+        ring = ring[::-1]
+    fan = np.stack([ring[:-1], np.full(len(ring) - 1, len(params)), ring[1:]], axis=1)
+    return np.concatenate([params, [[place, np.nan]]]), np.concatenate([faces, fan])
 
 
 def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -462,33 +468,15 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _split(params: Array, faces: NDArray[np.int64], marked: NDArray[np.bool_]) -> tuple[Array, NDArray[np.int64]]:
-    """Cut the marked edges at their middle, in parameters, and their triangles with them; a pole has no angle (NaN).
-
-    Parameters
-    ----------
-    params, faces : (n, 2) and (m, 3)
-    marked : for each edge, in the order of `_edges`
-    """
+def _halve(params: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Cut every triangle into four at the middles of its edges, in parameters; a pole has no angle (NaN)."""
     edges, of_face = _edges(faces)
-    a, b = params[edges[marked, 0]], params[edges[marked, 1]]
+    a, b = params[edges[:, 0]], params[edges[:, 1]]
     middle = np.where(np.isnan(a), b, np.where(np.isnan(b), a, 0.5 * (a + b)))
-    number = np.where(marked, len(params) + np.cumsum(marked) - 1, -1)[of_face]
-    count = (number >= 0).sum(axis=1)
-    # Turn each triangle so that its first corner is the odd one out: opposite the only marked, or only unmarked, edge.
-    odd = np.argmax((number >= 0) == (count == 1)[:, None], axis=1)
-    turned = (odd[:, None] + np.arange(3)) % 3
-    v = np.take_along_axis(faces, turned, axis=1)
-    m = np.take_along_axis(number, turned, axis=1)
-    v0, v1, v2, m0, m1, m2 = (*v.T, *m.T)
-    patterns = (
-        ((v0, v1, v2),),
-        ((v0, v1, m0), (v0, m0, v2)),
-        ((v0, m2, m1), (v1, v2, m1), (v1, m1, m2)),
-        ((v0, m2, m1), (v1, m0, m2), (v2, m1, m0), (m0, m1, m2)),
-    )
-    pieces = [np.stack(t, axis=1)[count == k] for k, pattern in enumerate(patterns) for t in pattern]
-    return np.concatenate([params, middle]), np.concatenate(pieces)
+    v0, v1, v2 = faces.T
+    m0, m1, m2 = (of_face + len(params)).T
+    quarters = [(v0, m2, m1), (m2, v1, m0), (m1, m0, v2), (m0, m1, m2)]
+    return np.concatenate([params, middle]), np.concatenate([np.stack(q, axis=1) for q in quarters])
 
 
 _PITCH = 1.5  # distance of suckers along a row, in radii of the tentacle
@@ -508,7 +496,7 @@ class _Tube:
         self.cap = self.length - 0.5 * _TIP
         # Suckers follow each other at a distance that shrinks with the radius.
         centers = [_SUNK + 14.0]
-        while (radius := float(self._full_radius(centers[-1]))) > 3.0 and centers[-1] < 0.93 * self.length:
+        while (radius := float(self._full_radius(centers[-1]))) > 3.3 and centers[-1] < 0.93 * self.length:
             centers.append(centers[-1] + _PITCH * radius)
         self.centers = np.array(centers)
         # The cut runs along the side that looks away from the front: the groove between the suckers, or the back.
@@ -558,7 +546,8 @@ class _Tube:
         normal[np.isnan(params[:, 1])] = _unit(self.line(self.length, 1))
         # Where it comes out of the flesh, both surfaces are lit alike, and the crossing does not show.
         root = np.flatnonzero(arc < _SUNK + 30.0)
-        share = 1.0 - _smoothstep(0.2, 2.6, _flesh(position[root]))[:, None]
+        depth = _flesh(position[root])
+        share = ((1.0 - _smoothstep(0.2, 2.6, depth)) * _smoothstep(-3.0, -1.0, depth))[:, None]
         normal[root] = _unit((1.0 - share) * normal[root] + share * _gradient(_flesh, position[root]))
         return position, normal
 
@@ -608,15 +597,7 @@ class _Tube:
         fine = np.linspace(0.0, self.length, 2000)
         stretch = np.concatenate([[0.0], np.cumsum(np.diff(fine) / np.maximum(self.radius(fine[1:]), 0.3))])
         flat = np.stack([np.interp(params[:, 0], fine, stretch), params[:, 1]], axis=1)
-        faces = Delaunay(flat).simplices.astype(np.int64)
-        a, b, c = flat[faces].transpose(1, 0, 2)
-        area = _cross(b - a, c - a)
-        faces[area < 0] = faces[area < 0][:, ::-1]
-        faces = faces[np.abs(area) > 1e-7]
-        last = np.flatnonzero(params[:, 0] == params[:, 0].max())
-        pole = len(params)
-        fan = np.stack([last[:-1], np.full(len(last) - 1, pole), last[1:]], axis=1)
-        return np.concatenate([params, [[self.length, np.nan]]]), np.concatenate([faces, fan])
+        return _with_pole(params, _delaunay(flat), -1, self.length)
 
 
 def _settle(field: Callable[[Array], Array], points: Array, direction: Array) -> Array:
@@ -624,6 +605,9 @@ def _settle(field: Callable[[Array], Array], points: Array, direction: Array) ->
     for _ in range(8):
         points = points - 0.8 * field(points)[:, None] * direction
     return points
+
+
+_BODY_SCALE = np.array([620.0, 82.0])  # mm that s and theta are worth over the face, where triangles matter most
 
 
 class _Body:
@@ -660,26 +644,32 @@ class _Body:
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
-        weight = 0.8 + 1.0 * _smoothstep(0.15, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.7, dense))
-        weight += 0.6 * _smoothstep(0.8, 0.88, dense)
-        total = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
-        places = np.interp(np.linspace(0.0, total[-1], 48 * 2**level + 1), total, dense)
-        rings, points, first = [(0, np.zeros(1))], [np.array([[0.0, np.nan]])], 1
-        for s in places[1:]:
-            turn = np.linspace(-1.0, 1.0, 2 * round((4 + 36 * np.tanh(5.0 * s)) * 2.0 ** (level - 1)) + 1)
-            pull = 0.16 * _smoothstep(0.06, 0.3, np.array(s))
-            rings.append((first, turn))
-            points.append(np.stack([np.full(len(turn), s), np.pi * (turn - pull * np.sin(np.pi * turn))], axis=1))
-            first += len(turn)
-        params, faces = np.concatenate(points), _stitch(rings)
-        for _ in range(2):
-            position, normal = self.surface(params)
-            i, j = _edges(faces)[0].T
-            bend = np.linalg.norm(normal[i] - normal[j], axis=1) * np.linalg.norm(position[i] - position[j], axis=1)
+        face = _smoothstep(0.12, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.68, dense))
+        total = np.concatenate([[0.0], np.cumsum(0.6 + 0.8 * face[1:] + 0.4 * _smoothstep(0.76, 0.86, dense[1:]))])
+        places = np.interp(np.linspace(0.0, total[-1], 44 * 2**level + 1), total, dense)
+        points = []
+        for k, (s, front) in enumerate(zip(places[1:], np.interp(places[1:], dense, face), strict=True)):
+            turn = np.linspace(-1.0, 1.0, 2 * round((5 + 27 * np.tanh(8.0 * s) + 6 * front) * 2.0 ** (level - 1)) + 1)
+            # Every second ring lies between the places of its neighbors.
+            turn[1:-1] += (k % 2) * 0.5 * (turn[1] - turn[0]) * (1.0 - np.abs(turn[1:-1]))
+            points.append(
+                np.stack([np.full(len(turn), s), np.pi * (turn - 0.15 * front * np.sin(np.pi * turn))], axis=1)
+            )
+        params = np.concatenate(points)
+        position, normal = self.surface(params)
+        # Then, a few times, new points in the middle of those edges over which the surface turns most.
+        for _ in range(4):
+            i, j = _edges(_delaunay(params * _BODY_SCALE))[0].T
+            apart = np.linalg.norm((params[i] - params[j]) * _BODY_SCALE, axis=1)
+            turn = np.linalg.norm(normal[i] - normal[j], axis=1) * np.maximum(apart - 0.6 / (1 + level), 0.0)
             # Both sides of the cut must stay alike.
-            on_cut = (np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)
-            params, faces = _split(params, faces, (bend > 1.5 / (1 + level)) & ~on_cut)
-        return params, faces
+            turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
+            worst = np.sort(np.argsort(-turn, kind="stable")[: 450 * 4**level])
+            middle = 0.5 * (params[i[worst]] + params[j[worst]])
+            more = self.surface(middle)
+            params = np.concatenate([params, middle])
+            position, normal = np.concatenate([position, more[0]]), np.concatenate([normal, more[1]])
+        return _with_pole(params, _delaunay(params * _BODY_SCALE), 0, 0.0)
 
 
 def _flatten_grid(points: Array, theta: Array) -> Array:
@@ -803,7 +793,7 @@ def creature(detail: str = "65k") -> Mesh:
     for shape in shapes:
         params, faces = shape.samples(min(level, 1))
         if level == 2:
-            params, faces = _split(params, faces, np.ones(len(_edges(faces)[0]), dtype=bool))
+            params, faces = _halve(params, faces)
         position, normal = shape.surface(params)
         pieces.append((position, normal, shape.chart(params), faces))
     uv = _pack([shape.chart(shape.grid()) for shape in shapes], [piece[2] for piece in pieces])

@@ -91,16 +91,16 @@ def _solid(points: Floats) -> Floats:
     # Face: upper jaw, cheekbones, lower jaw, chin.
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
     f = _blend(f, _rope(m, [(33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)]), 24)
-    f = _blend(f, _rope(m, [(56, 0, -14, 14), (57, -34, -10, 14)]), 24)
+    f = _blend(f, _rope(m, [(56, 0, -14, 13.5), (56, -34, -10, 13.5)]), 32)
     f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 26)
-    f = _blend(f, _ellipsoid(p, (0, -98, 40), (30, 20, 42)), 20)
-    f = _blend(f, _ellipsoid(m, (28, -68, 44), (24, 32, 30)), 22)
+    f = _blend(f, _ellipsoid(p, (0, -98, 38), (26, 18, 38)), 16)
+    f = _blend(f, _ellipsoid(m, (29, -64, 42), (19, 28, 28)), 20)
     f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
-    f = _blend(f, _ellipsoid(p, (0, -74, 67), (36, 31, 28)), 24)
+    f = _blend(f, _ellipsoid(p, (0, -74, 62), (35, 30, 27)), 20)
     # Neck and shoulders.
     neck = _rope(p, [(0, -40, -25, 47), (0, -200, -33, 54)])
-    neck = _blend(neck, _rope(m, [(26, -60, -44, 20), (30, -190, -58, 22)]), 30)
+    neck = _blend(neck, _rope(m, [(22, -28, -60, 22), (32, -190, -58, 22)]), 30)
     neck = _blend(neck, _rope(m, [(16, -128, -40, 22), (98, -200, -36, 22)]), 40)
     neck = _blend(neck, _rope(m, [(59, -40, -24, 8), (13, -186, 22, 9)]), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
@@ -109,22 +109,25 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, neck, 28)
 
     # Eyes: socket, brow, ball with its closed lids.
-    f = _carve(f, _ellipsoid(m, (30, -3, 94), (20, 12.5, 17)), 15)
-    f = _blend(f, _rope(m, [(8, 19, 80, 7), (26, 24, 75, 8), (46, 22, 60, 8), (58, 10, 42, 6)]), 16)
-    f = _blend(f, _ellipsoid(m, (32, -3, 64), (17, 12.5, 14.5)), 9)
+    f = _carve(f, _ellipsoid(m, (30, -3, 95), (20, 12.5, 17)), 15)
+    f = _blend(f, _rope(m, [(8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (55, -10, 42, 6)]), 16)
+    f = _blend(f, _ellipsoid(m, (32, -3, 64), (16, 12.5, 14.5)), 10)
     # Nose.
     nose = _rope(p, [(0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5)])
     nose = _blend(nose, _rope(m, [(7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)]), 12)
     nose = _blend(nose, _ellipsoid(p, (0, -40, 105.5), (9, 8.5, 9)), 7)
     nose = _blend(nose, _ellipsoid(m, (11.8, -45, 96.5), (6, 6.5, 9.5)), 6)
-    nose = _blend(nose, _rope(p, [(0, -44, 104, 5.5), (0, -49, 93, 6)]), 7)
+    nose = _blend(nose, _rope(p, [(0, -44, 104, 5.5), (0, -48, 93, 6)]), 7)
+    nose = _blend(nose, _ellipsoid(p, (0, -46.5, 95), (13, 5.5, 9)), 6)
     f = _blend(f, nose, 10)
     # Mouth.
-    f = _blend(f, _rope(m, [(0, -70.5, 92.5, 4.6), (8, -70, 91.5, 5), (17, -72.5, 86, 4.2), (26, -75.5, 77, 3)]), 6)
+    f = _blend(f, _rope(m, [(0, -70.5, 92, 4.6), (8, -70, 91, 5), (17, -72.5, 85.5, 4.2), (26, -75.5, 77, 3)]), 6)
     f = _blend(f, _rope(m, [(0, -81, 90, 6.2), (9, -80.5, 89.5, 6), (18, -78.5, 84.5, 4.5), (26, -75.5, 77, 3)]), 9)
     f += _stroke(p, [(-13, -90.5, 88), (0, -91.5, 91), (13, -90.5, 88)], 7, -1.6)
-    f += _stroke(p, [(0, -55, 96), (0, -66, 99)], 3, -1.3)
-    f += _stroke(m, [(4.8, -55, 96), (5.2, -66, 99)], 2.2, 0.7)
+    f += _stroke(m, [(0, -75.6, 97), (8, -75, 96), (17, -75.5, 90), (27, -76, 79)], 3.2, -2.6)
+    f += _stroke(p, [(0, -60, 91.5), (0, -67, 96)], 3, -1.2)
+    f += _stroke(m, [(5, -60, 91), (5.4, -66, 95.5)], 2.2, 0.7)
+    f += _stroke(m, [(0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82)], 1.8, 0.5)
     f += _stroke(m, [(19, -44, 88), (28, -62, 80), (32, -76, 74)], 5, -1.0)
     f += _stroke(m, [(22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65)], 2.4, -0.8)
     f += _stroke(m, [(60, 22, 46), (62, 30, 44)], 20, -1.5)
@@ -144,10 +147,11 @@ _COLUMN = PchipInterpolator(  # column -> angle round the axis in degrees, 0 at 
 _ROWS = np.array(
     [  # row, axis (y, z), then where the row's rays aim at: front (y, z), side (y, x), back (y, z)
         (0, 15, -8, 98, 50, 98, 52, 94, -74),
-        (4, 15, -8, 26, 91, 28, 76, 32, -104),
-        (7, 15, -8, 1, 80, 13, 75, 14, -103),
-        (9, 15, -8, -4, 80, 3, 75, 2, -102),
-        (11, 15, -8, -9, 80, -7, 74, -8, -98),
+        (2, 15, -8, 56, 82, 62, 72, 64, -98),
+        (4, 15, -8, 18, 91, 28, 76, 32, -104),
+        (7, 15, -8, -1.5, 80, 13, 75, 14, -103),
+        (9, 15, -8, -7.5, 80, 3, 75, 2, -102),
+        (11, 15, -8, -12.5, 80, -7, 74, -8, -98),
         (20, 15, -8, -54, 97, -52, 66, -58, -76),
         (21, 14, -8, -59.5, 95, -54.5, 65, -62, -75),
         (23, 10, -8, -70.5, 98, -58.5, 63, -69, -73),
@@ -556,20 +560,25 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
 def _fine(column: Floats, row: Floats) -> NDArray[np.bool_]:
     """Whether the 2 x 2 cells about a point of the rows' patch stay apart."""
     ear = (np.abs(np.abs(column) - _EAR_COLUMN) < _EAR_HALF) & (np.abs(row - _EAR_ROW) < _EAR_HALF)
-    face = (np.abs(column) < 10) & (row > 4) & (row < 28)
+    face = (np.abs(column) < 10) & (row > 2) & (row < 36)
     face |= (np.abs(column) < 12) & (row > 6) & (row < 14)
     return ear | face
 
 
-def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tuple[int, int, int, int]]:
-    """Return (patch, p, q, size) of the square cells of a patch."""
+def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tuple[int, float, float, float]]:
+    """Return (patch, p, q, size) of the square cells of a patch; sizes of neighbors differ by two at most."""
     cells = []
-    for p in range(low[0], high[0], 2):
-        for q in range(low[1], high[1], 2):
-            if patch == _ROWS_PATCH and _fine(np.array(p + 1.0), np.array(q + 1.0)):
-                cells += [(patch, p + i, q + j, 1) for i in (0, 1) for j in (0, 1)]
-            else:
-                cells.append((patch, p, q, 2))
+    for p in range(low[0], high[0], 4):
+        for q in range(low[1], high[1], 4):
+            if patch != _ROWS_PATCH or not -AROUND - SIDE <= p < AROUND + SIDE:
+                cells.append((patch, float(p), float(q), 4.0))
+                continue
+            for i, j in ((p, q), (p + 2, q), (p, q + 2), (p + 2, q + 2)):
+                size = 1.0 if _fine(np.array(i + 1.0), np.array(j + 1.0)) else 2.0
+                if -4 <= i < 4 and 18 <= j < 22:
+                    size = 0.5
+                steps = np.arange(0, 2, size)
+                cells += [(patch, i + x, j + y, size) for x in steps for y in steps]
     return cells
 
 
@@ -611,7 +620,7 @@ def _coarse() -> tuple[Ints, Ints, Floats]:
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
             ring.append(a)
             middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-            if size == 2 and _vertex(patch, *middle) in used:
+            if _vertex(patch, *middle) in used:
                 ring.append(middle)
         center = (corners[0][0] + corners[2][0]) / 2, (corners[0][1] + corners[2][1]) / 2
         if len(ring) > 4:
@@ -637,7 +646,7 @@ def _seams(faces: Ints, patches: Ints, coords: Floats) -> Ints:
         return line & np.roll(line.reshape(-1, 3), -1, axis=1).ravel()
 
     rows = (owner == _ROWS_PATCH) & both(np.abs(start[:, 0]) == BACK)
-    crown = (owner == _CROWN) & both((start[:, 0] == 0) & (start[:, 1] >= 10))
+    crown = (owner == _CROWN) & both((start[:, 0] == 0) & (start[:, 1] >= 12))
     rim = (owner == _ROWS_PATCH) & both(start[:, 1] == DOWN)
     del stop
     return edges[rows | crown | rim]
