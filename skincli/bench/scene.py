@@ -1,4 +1,4 @@
-"""The scene on which every stage is held against its twin: small, made in code, and using every pass."""
+"""What is measured: a small scene that uses every pass, a head to be timed, and the seed paper's creature."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from skincli.mesh.surface import angle_weighted_normals
 from skincli.pipeline import OUTPUTS
 from skincli.scene.paths import LoadedScene, load_scene
 
-SCENE = """
+#: every stage is held against its twin on this; its mesh is `ring`
+STAGE_SCENE = """
 scene: 1
 mesh: {builtin: ring}
 skin:
@@ -43,21 +44,51 @@ render: {size: [320, 240], supersample: 1, atlas: 256, occlusion: {radius_high: 
 """
 
 
-def load_stage_scene(folder: Path, shading: str) -> LoadedScene:
-    """Write the scene and its environment into a folder and load it.
+#: what is timed: a head as it comes out of the box, but for textures small enough to measure in software, too
+TIMED_SCENE = """
+scene: 1
+mesh: {builtin: head, detail: 65k}
+skin: human
+camera: {position: [120, 20, 600], target: [0, 0, 0], fov: 30}
+lights:
+  - {type: directional, direction: [-0.5, -0.3, -1], irradiance: [2.5, 2.4, 2.3]}
+  - {type: point, position: [-300, 200, -200], intensity: [0.2, 0.2, 0.3]}
+  - {type: spot, position: [100, 400, 300], direction: [-0.2, -1, -0.6], intensity: [0.3, 0.3, 0.3], angle: 40, blend: 0.2}
+environment: {image: sky.exr, exposure: -1}
+render: {size: [640, 480], atlas: 1024}
+"""
+TIMED_SETS = ("skin.size=1024",)
+
+#: the scene of the seed paper's table: all effects, three lights, its atlas of 2500 texels a side
+PAPER_SCENE = """
+scene: 1
+mesh: {builtin: creature, detail: 65k}
+skin: octopus
+lights:
+  - {type: directional, direction: [-0.5, -0.3, -1], irradiance: [1.0, 0.95, 0.9]}
+  - {type: point, position: [-400, 200, 300], intensity: [0.1, 0.1, 0.15]}
+  - {type: spot, position: [0, 500, 400], direction: [0, -1, -0.8], intensity: [0.3, 0.3, 0.3], angle: 40, blend: 0.2}
+environment: {image: sky.exr, exposure: -1}
+render: {shading: paper}
+"""
+
+
+def load(folder: Path, text: str, *sets: str) -> LoadedScene:
+    """Write a scene and its environment into a folder and load it.
 
     Parameters
     ----------
     folder : must live as long as the scene is rendered
-    shading : "physical" or "paper"
+    text : the scene as YAML
+    sets : settings, as --set has them
     """
     rows, columns = np.mgrid[0:64, 0:128]
     turn, height = columns * (2 * np.pi / 128), rows * (np.pi / 64)
     sky = np.stack([1.2 + np.sin(2 * turn), 1 + np.cos(height), 1 + np.sin(turn + 3 * height)], axis=-1)
     images.write_exr(folder / "sky.exr", {"beauty": sky.astype(np.float32)}, half=False)
-    file = folder / "stages.yaml"
-    file.write_text(SCENE, encoding="utf-8")
-    return load_scene(file, [f"render.shading={shading}"], outputs=OUTPUTS)
+    file = folder / "bench.yaml"
+    file.write_text(text, encoding="utf-8")
+    return load_scene(file, sets, outputs=OUTPUTS)
 
 
 def ring(around: int = 96, across: int = 48) -> Mesh:

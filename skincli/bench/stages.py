@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli import metrics
-from skincli.bench.scene import load_stage_scene, ring
+from skincli.bench.scene import STAGE_SCENE, load, ring
 from skincli.color import neutral_display
 from skincli.gpu.textures import read_back
 from skincli.graph.node import ZERO, Constant, Load, Pass, Ref
@@ -246,7 +246,7 @@ def compare_stages(shadings: Sequence[str] = SHADINGS) -> list[StageError]:
     errors = []
     for shading in shadings:
         with tempfile.TemporaryDirectory() as folder:
-            pipeline = Pipeline(load_stage_scene(Path(folder), shading), ring(), skip=False)
+            pipeline = Pipeline(load(Path(folder), STAGE_SCENE, f"render.shading={shading}"), ring(), skip=False)
             stored = Stored(pipeline)
             for node in pipeline.graph.nodes.values():
                 stage = STAGES.get(type(node))

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.color import REC709_LUMA
-from skincli.layers.base import Array, Flat, Own, Pattern, Picture, Ramp, Site, Value
 from skincli.files import AssetPath
+from skincli.layers.base import Array, Flat, Own, Pattern, Picture, Ramp, Site, Value
 
 
 class Role(IntEnum):

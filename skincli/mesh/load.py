@@ -409,7 +409,7 @@ def _weld(positions: Floats, faces: NDArray[np.int64], part: NDArray[np.int64]) 
     _, place = _unique_rows(positions)
     _, point = _unique_rows(np.stack([place, part], axis=1))
     border = np.zeros(len(point), dtype=bool)
-    border[surface.wireframe_boundary(point[faces])] = True
+    border[surface.border_edges(point[faces])[:, :2]] = True
     _, welded = _unique_rows(np.stack([place, np.where(border[point], -1, part)], axis=1))
     return welded
 

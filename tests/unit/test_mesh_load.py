@@ -175,7 +175,7 @@ def test_obj_seams_keep_both_uv(tmp_path: Path) -> None:
     assert mesh.uv[mesh.faces].reshape(-1, 2) == pytest.approx(
         np.array([[0, 0], [0.4, 0], [0.4, 0.9], [0.6, 0], [1, 0.9], [0.6, 0.9]])
     )
-    assert len(surface.wireframe_boundary(mesh.faces)) == 6
+    assert len(surface.border_edges(mesh.faces)) == 6
     assert mesh.normals == pytest.approx(np.tile([0, 0, 1], (6, 1)))
 
 
@@ -220,7 +220,7 @@ def test_vertices_without_index_are_merged(tmp_path: Path) -> None:
     flat = np.arange(faces.size).reshape(-1, 3)
     mesh = load_mesh(write_obj(tmp_path / "soup.obj", positions[faces.ravel()], uv[faces.ravel()], flat), 1.0)
     assert len(mesh.positions) == len(positions)
-    assert len(surface.wireframe_boundary(mesh.faces)) == 24
+    assert len(surface.border_edges(mesh.faces)) == 24
 
 
 # ---------------------------------------------------------------- glTF

@@ -101,8 +101,8 @@ def test_boundary_of_a_grid_and_of_a_sphere() -> None:
     edges = surface.border_edges(faces)[:, :2]
     assert edges.shape == (16, 2)
     assert sorted(edges[:, 0]) == sorted(edges[:, 1])  # a closed loop, each point left once and reached once
-    assert len(surface.wireframe_boundary(np.array(trimesh.creation.icosphere(1).faces))) == 0
-    assert surface.wireframe_boundary(np.zeros((0, 3), dtype=np.int64)).shape == (0, 2)
+    assert len(surface.border_edges(np.array(trimesh.creation.icosphere(1).faces))) == 0
+    assert surface.border_edges(np.zeros((0, 3), dtype=np.int64)).shape == (0, 3)
 
 
 def counted(uv: Floats, faces: Indices, size: int) -> Indices:

@@ -399,15 +399,15 @@ def _relief(p: Array) -> Array:
     # Forehead: folds that hang from the middle like a curtain.
     drop = y - 86.0 - 0.008 * x**2 + 3.0 * np.sin(x / 13.0 + 0.5)
     mask = np.exp(-((x / 44) ** 4) - ((y - 97) / 17) ** 4) * front
-    h += 1.5 * mask * _groove(drop - 15.0 * np.round(drop / 15.0), 4.8)
+    h += 1.5 * mask * _groove(drop - 16.0 * np.round(drop / 16.0), 5.4)
     # Frown lines.
     mask = np.exp(-(((y - 68) / 15) ** 4)) * front
-    h += 2.4 * mask * _groove(m - 7.0 - 0.1 * (y - 66), 3.4)
+    h += 2.4 * mask * _groove(m - 7.5 - 0.1 * (y - 66), 4.2)
     # Bags under the eyes.
     ex, ey = m - 36.0, y - 38.0
     far = np.hypot(ex, 1.15 * ey)
     under = _smoothstep(0.0, 18.0, -ey - 0.3 * np.abs(ex)) * front
-    h += under * 1.3 * _groove(far - 29.5, 3.8)
+    h += under * 1.3 * _groove(far - 29.5, 4.5)
     # Crow's feet.
     angle = np.arctan2(ey, ex)
     mask = np.exp(-(((far - 38.0) / 12.0) ** 4)) * np.exp(-((angle / 0.7) ** 4)) * _smoothstep(-40.0, 0.0, z)
@@ -415,7 +415,7 @@ def _relief(p: Array) -> Array:
     # Folds from the bridge round the cheeks.
     far = np.hypot(m - 64.0, y + 6.0)
     mask = np.exp(-(((np.arctan2(y + 6.0, 64.0 - m) - 0.15) / 0.8) ** 4)) * front
-    h += mask * 2.2 * _groove(far - 33.0, 4.0)
+    h += mask * 2.2 * _groove(far - 33.0, 5.0)
     # Gill slits on the sides of the neck.
     for k in range(3):
         gx = z + 34.0 + 0.45 * (y + 62.0) - 15.0 * (k - 1) - 0.008 * (y + 62.0) ** 2
@@ -563,7 +563,7 @@ class _Tube:
 
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles. Each sucker has rings of its own, so that few vertices make it round."""
-        rings = ((0.0, 1), (0.36, 6), (0.7, 8), (1.1, 8)) if level else ((0.0, 1), (0.7, 5))
+        rings = ((0.0, 1), (0.4, 5), (0.7, 7), (1.1, 7)) if level else ((0.0, 1), (0.7, 5))
         points = []
         for side, shift in ((1.0, 0.0), (-1.0, 0.5)):
             place = np.arange(len(self.centers) - 1) + shift
@@ -583,7 +583,7 @@ class _Tube:
         tail = np.linspace(rows[-1], self.cap, 2 + round((self.cap - rows[-1]) / (6.0 - 2.8 * level)))[1:]
         end = self.cap + (self.length - self.cap) * np.sin(np.radians((30, 60) if level else (45,)))
         bare = np.linspace(0.0, np.pi, 5 + 3 * level)
-        back = np.linspace(1.44, np.pi, 3 + 2 * level)
+        back = np.linspace(1.5, np.pi, 3 + level)
         edge = self.cut + np.array([0.0, 2 * np.pi])
         for row in np.concatenate([root, rows, tail, end]):
             half = back if rows[0] < row < rows[-1] else bare
@@ -644,27 +644,27 @@ class _Body:
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
-        face = _smoothstep(0.12, 0.26, dense) * (1.0 - _smoothstep(0.56, 0.68, dense))
-        total = np.concatenate([[0.0], np.cumsum(0.6 + 0.8 * face[1:] + 0.4 * _smoothstep(0.76, 0.86, dense[1:]))])
-        places = np.interp(np.linspace(0.0, total[-1], 44 * 2**level + 1), total, dense)
+        face = _smoothstep(0.1, 0.24, dense) * (1.0 - _smoothstep(0.54, 0.66, dense))
+        total = np.concatenate([[0.0], np.cumsum(0.5 + 1.7 * face[1:] + 0.4 * _smoothstep(0.76, 0.86, dense[1:]))])
+        places = np.interp(np.linspace(0.0, total[-1], 61 * 2**level + 1), total, dense)
         points = []
         for k, (s, front) in enumerate(zip(places[1:], np.interp(places[1:], dense, face), strict=True)):
-            turn = np.linspace(-1.0, 1.0, 2 * round((5 + 27 * np.tanh(8.0 * s) + 6 * front) * 2.0 ** (level - 1)) + 1)
+            turn = np.linspace(-1.0, 1.0, 2 * round((5 + 27 * np.tanh(8.0 * s) + 24 * front) * 2.0 ** (level - 1)) + 1)
             # Every second ring lies between the places of its neighbors.
             turn[1:-1] += (k % 2) * 0.5 * (turn[1] - turn[0]) * (1.0 - np.abs(turn[1:-1]))
             points.append(
-                np.stack([np.full(len(turn), s), np.pi * (turn - 0.15 * front * np.sin(np.pi * turn))], axis=1)
+                np.stack([np.full(len(turn), s), np.pi * (turn - 0.19 * front * np.sin(np.pi * turn))], axis=1)
             )
         params = np.concatenate(points)
         position, normal = self.surface(params)
         # Then, a few times, new points in the middle of those edges over which the surface turns most.
-        for _ in range(4):
+        for _ in range(2):
             i, j = _edges(_delaunay(params * _BODY_SCALE))[0].T
             apart = np.linalg.norm((params[i] - params[j]) * _BODY_SCALE, axis=1)
             turn = np.linalg.norm(normal[i] - normal[j], axis=1) * np.maximum(apart - 0.6 / (1 + level), 0.0)
             # Both sides of the cut must stay alike.
             turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
-            worst = np.sort(np.argsort(-turn, kind="stable")[: 450 * 4**level])
+            worst = np.sort(np.argsort(-turn, kind="stable")[: 200 * 4**level])
             middle = 0.5 * (params[i[worst]] + params[j[worst]])
             more = self.surface(middle)
             params = np.concatenate([params, middle])
