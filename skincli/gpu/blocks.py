@@ -10,9 +10,10 @@ import dataclasses
 import re
 import struct
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import chain
 from typing import Annotated, Any
 
 from skincli.errors import LimitError
@@ -90,21 +91,18 @@ class Layout:
         packer, kinds, _ = self._plan()
         flat: list[float] = []
         for value, (kind, count) in zip(values, kinds, strict=True):
-            numbers = list(_flatten(value))
-            if kind.startswith("vec4["):
-                numbers += [0.0] * (count - len(numbers))
-            if len(numbers) != count:
-                raise ValueError(f"a {kind} takes {count} numbers, not {len(numbers)}")
-            flat += numbers
+            if count == 1:
+                flat.append(value)
+                continue
+            before = len(flat)
+            if "[" in kind:
+                flat.extend(chain.from_iterable(value))
+                flat.extend([0.0] * (before + count - len(flat)))
+            else:
+                flat.extend(value)
+            if len(flat) - before != count:
+                raise ValueError(f"a {kind} takes {count} numbers, not {len(flat) - before}")
         return packer.pack(*flat)
-
-
-def _flatten(value: Any) -> Iterable[float]:
-    if isinstance(value, tuple | list):
-        for item in value:
-            yield from _flatten(item)
-    else:
-        yield value
 
 
 @cache

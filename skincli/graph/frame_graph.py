@@ -6,7 +6,7 @@ Vocabulary and idea of culling by what is read: Filament's FrameGraph; content k
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,12 +79,15 @@ class FrameGraph:
             raise ValueError("; ".join(faults))
         self.store = store or Store()
         self.skip = skip
-        self.reports: list[NodeReport] = []
-        self._targets: tuple[Ref, ...] = ()
+        self._ran: dict[str, NodeReport] = {}
+        self._wanted: set[Source] = set()
+        self._keys: dict[Ref, str] = {}
+        self._dirty: set[str] = set()
+        self._shapes = {name: self._shape_of(node) for name, node in self.nodes.items()}
+        self._targets: tuple[Ref, ...] | None = None
         self._steps: list[_Step] = []
         self._resolved: dict[Ref, Source] = {}
         self._calls: dict[tuple[str, tuple[str, ...]], list[DrawCall]] = {}
-        self._shape: object = None
 
     @staticmethod
     def _all_sources(node: Node) -> list[Source]:
@@ -103,14 +106,11 @@ class FrameGraph:
             source = way[0]
         return source
 
-    def _structure(self) -> object:
-        """Everything about the present values that decides which nodes are wired to which."""
-        shape = []
-        for node in self.nodes.values():
-            ways = tuple((output, node.shortcut(output)) for output in node.outputs) if self.skip else ()
-            ignored = tuple(sorted(node.ignores())) if self.skip else ()
-            shape.append((node.name, ways, ignored))
-        return shape
+    def _shape_of(self, node: Node) -> object:
+        """Everything about a node's present values that decides how the graph is wired around it."""
+        if not self.skip:
+            return None
+        return tuple((output, node.shortcut(output)) for output in node.outputs), tuple(sorted(node.ignores()))
 
     def _sources(self, node: Node, output: str) -> list[Source]:
         if isinstance(node, Pass) and not self.skip:
@@ -161,26 +161,42 @@ class FrameGraph:
         for name in order:
             place(name)
         self._steps = [_Step(self.nodes[name], tuple(needed[name]), needed[name]) for name in done]
+        self._keys.clear()
         self._targets = targets
 
     def _make_keys(self) -> None:
-        """Chain the content keys from the sources to the targets."""
-        keys: dict[Ref, str] = {}
+        """Chain the content keys from the sources to the targets; what no change reaches keeps its keys."""
+        renewed: set[Ref] = set()
         for step in self._steps:
+            name = step.node.name
             for output in step.outputs:
+                ref = Ref(name, output)
+                if ref in self._keys and name not in self._dirty and renewed.isdisjoint(step.depends[output]):
+                    continue
                 digest = hashlib.blake2b(step.node.own_digest(output), digest_size=16)
                 for source in self._sources(step.node, output):
                     resolved = self._resolve(source)
                     digest.update(
-                        keys[resolved].encode() if isinstance(resolved, Ref) else repr(resolved.value).encode()
+                        self._keys[resolved].encode() if isinstance(resolved, Ref) else repr(resolved.value).encode()
                     )
-                step.keys[output] = keys[Ref(step.node.name, output)] = digest.hexdigest()
-        self._keys = keys
+                step.keys[output] = self._keys[ref] = digest.hexdigest()
+                renewed.add(ref)
+        self._dirty.clear()
 
     def update(self, nodes: Iterable[Node]) -> None:
-        """Replace nodes by others of the same name, shader and wiring whose values differ (a later frame)."""
+        """Replace nodes by others of the same name, shader and wiring whose values differ (a later frame).
+
+        Only where a value makes a node needless, or needed again, is the graph compiled anew.
+        """
         for node in nodes:
             self.nodes[node.name] = node
+            self._dirty.add(node.name)
+            shape = self._shape_of(node)
+            if shape != self._shapes[node.name]:
+                self._shapes[node.name] = shape
+                self._targets = None
+        for step in self._steps:
+            step.node = self.nodes[step.node.name]
 
     # -- run -----------------------------------------------------------------------------------------------------
 
@@ -201,23 +217,17 @@ class FrameGraph:
             everything = [Ref(node.name, output) for node in self.nodes.values() for output in node.outputs]
             wanted_targets = tuple(dict.fromkeys([*targets, *everything]))
             self.store.clear()
-        shape = self._structure()
-        if wanted_targets != self._targets or shape != self._shape:
+        if wanted_targets != self._targets:
             self._compile(wanted_targets)
-            self._shape = shape
-        else:
-            for step in self._steps:
-                step.node = self.nodes[step.node.name]
         self._make_keys()
 
         missing = self._missing(wanted_targets)
         pins = self._pins(missing, targets)
-        reports: dict[str, NodeReport] = {}
+        self._ran = {}
         for position, (step, outputs) in enumerate(missing):
             ms = self._execute(step, outputs, timing)
-            reports[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step), ms)
+            self._ran[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step), ms)
             self.store.evict({key for key, last in pins.items() if last > position})
-        self.reports = self._account(reports)
         results = {}
         for target in targets:
             source = self._resolved[target]
@@ -321,13 +331,14 @@ class FrameGraph:
     def _why_ran(self, step: _Step) -> str:
         return "first asked for, or something it reads has changed" if self.skip else "nothing is skipped"
 
-    def _account(self, ran: Mapping[str, NodeReport]) -> list[NodeReport]:
-        """Return a report for every node of the graph, in the order in which the light travels."""
+    @property
+    def reports(self) -> list[NodeReport]:
+        """What became of every node in the last run, in the order in which the light travels."""
         steps = {step.node.name: step for step in self._steps}
         reports = []
         for node in self.nodes.values():
-            if node.name in ran:
-                reports.append(ran[node.name])
+            if node.name in self._ran:
+                reports.append(self._ran[node.name])
                 continue
             step = steps.get(node.name)
             if step is not None and any(Ref(node.name, output) in self._wanted for output in step.outputs):

@@ -222,7 +222,7 @@ class Pass(Node):
         return [self.source(draw, name) for draw in self.draws for name in self.needed_inputs(output)]
 
     def own_digest(self, output: str) -> bytes:
-        """Hash of shader, Python file, values, size and geometry."""
+        """Hash of shader, Python file, values, size and geometry; for an output without inputs too."""
         digest = hashlib.blake2b(self._static_digest, digest_size=16)
         digest.update(output.encode())
         for draw in self.draws:

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.ndimage import binary_dilation, gaussian_filter1d
 from scipy.signal import fftconvolve
 from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial.distance import cdist
 
 from skincli.errors import InputError
 from skincli.mesh.builtin.flatten import relax
@@ -62,12 +63,6 @@ def _cone(p: Array, a: tuple[float, ...], b: tuple[float, ...], ra: float, rb: f
     return np.sqrt(np.einsum("ij,ij->i", rest, rest)) - (ra + (rb - ra) * along)
 
 
-def _below_plane(q: Array, elevation: float, tilt: float) -> Array:
-    """Distance to the half space under a plane through 0 that rises by `elevation` forward and `tilt` outward."""
-    e, t = np.radians(elevation), np.radians(tilt)
-    return q @ np.array([-np.sin(t) * np.cos(e), np.cos(t) * np.cos(e), -np.sin(e)])
-
-
 def _gradient(field: Callable[[Array], Array], points: Array) -> Array:
     """Unit gradient of a field, by central differences."""
     step = 0.05
@@ -109,15 +104,9 @@ def _bust(points: Array) -> Array:
     d = _smooth_min(d, _cone(m, (36, 70, 60), (68, 58, 18), 14, 9), 20)
     d = _smooth_min(d, _cone(m, (66, 58, 16), (62, 20, -2), 9, 6), 24)
     d = _smooth_min(d, _ellipsoid(m, (38, 16, 52), (24, 13, 17), 0), 16)
-    # Eye: a bulge of lid skin, opened by a wedge whose edge lies inside the ball, so that the opening is an almond.
+    # Eyeball under its lids.
     q = m - np.array((36.0, 38.0, 52.0))
-    ball = np.sqrt(np.einsum("ij,ij->i", q, q))
-    d = _smooth_min(d, ball - 23.0, 15)
-    above = _below_plane(q - (1.5, 0, 8), 24, 12)
-    below = _below_plane(q - (1.5, 0, 8), -22, 5)
-    d = _smooth_max(d, -_smooth_max(_smooth_max(above, -below, 2.0), ball - 25.5, 2.0), 5.0)
-    pupil = 1.4 * np.exp(-((q[:, 1] / 2.2) ** 2) - (q[:, 0] / 7.5) ** 2)
-    d = _smooth_min(d, ball - 20.8 + pupil, 1.5)
+    d = _smooth_min(d, np.sqrt(np.einsum("ij,ij->i", q, q)) - 23.0, 15)
     # Neck, shoulders, base.
     d = _smooth_min(d, _cone(p, (0, 0, -44), (0, -160, -24), 60, 74), 50)
     d = _smooth_min(d, _cone(m, (0, -122, -24), (84, -152, -28), 52, 36), 54)
@@ -339,11 +328,14 @@ def _body_points(field: Callable[[Array], Array], s: Array, theta: Array) -> Arr
 def _flesh(points: Array) -> Array:
     """Signed distance to the bust with the sheaths from which the tentacles come."""
     d = _bust(points)
-    for (a, b, c), thick in zip(_sheaths(), _table("thickness"), strict=True):
-        sheath = np.minimum(
-            _cone(points, a, b, 0.78 * thick, 0.5 * thick), _cone(points, b, c, 0.5 * thick, 0.28 * thick)
-        )
-        d = _smooth_min(d, sheath, 9)
+    sheaths, thickness = _sheaths(), _table("thickness")
+    far = cdist(points, sheaths[:, 1])
+    for k, ((a, b, c), thick) in enumerate(zip(sheaths, thickness, strict=True)):
+        # Beyond a sphere round it a sheath cannot change the minimum.
+        near = np.flatnonzero(far[:, k] < d + 32.0)
+        p = points[near]
+        sheath = _smooth_min(_cone(p, a, b, 0.76 * thick, 0.5 * thick), _cone(p, b, c, 0.5 * thick, 0.3 * thick), 6)
+        d[near] = _smooth_min(d[near], sheath, 8)
     return d
 
 
@@ -403,6 +395,18 @@ def _relief(p: Array) -> Array:
     # Frown lines.
     mask = np.exp(-(((y - 68) / 15) ** 4)) * front
     h += 2.4 * mask * _groove(m - 7.5 - 0.1 * (y - 66), 4.2)
+    # Lids: an almond sunk between a heavy upper and a thin lower rim, low at the nose; a flat pupil; the upper lid's crease.
+    along = (m - 37.0) / 19.5
+    arch = np.clip(1.0 - along**2, 0.0, None)
+    rise = y - 37.5 - 2.6 * along
+    upper, lower = 5.4 * arch - rise, rise + 5.2 * arch
+    opened = _smoothstep(-1.2, 2.4, _smooth_min(upper, lower, 3.0))
+    lids = np.exp(-((along / 1.25) ** 8)) * front
+    h += lids * (
+        1.3 * np.exp(-(((upper + 2.6) / 3.4) ** 2)) + 0.8 * np.exp(-(((lower + 2.4) / 3.0) ** 2)) - 2.0 * opened
+    )
+    h += lids * 1.2 * _groove(upper + 9.5 - 2.0 * arch, 2.8)
+    h -= opened * front * 1.1 * np.exp(-((rise / 1.7) ** 2) - (along / 0.42) ** 4)
     # Bags under the eyes.
     ex, ey = m - 36.0, y - 38.0
     far = np.hypot(ex, 1.15 * ey)

@@ -48,33 +48,64 @@ def _ellipsoid(
         c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
         q = np.stack([q[:, 0], c * q[:, 1] - s * q[:, 2], s * q[:, 1] + c * q[:, 2]], axis=1)
     scaled = q / np.array(radii)
-    k = np.sqrt(np.sum(scaled**2, axis=1) + 1e-9)
-    slope = np.sqrt(np.sum((scaled / np.array(radii)) ** 2, axis=1) + 1e-12)
+    k = np.sqrt(np.einsum("ij,ij->i", scaled, scaled) + 1e-9)
+    steep = scaled / np.array(radii)
+    slope = np.sqrt(np.einsum("ij,ij->i", steep, steep) + 1e-12)
     return k * (k - 1) / slope
 
 
-def _rope(p: Floats, nodes: list[tuple[float, float, float, float]]) -> Floats:
-    """Distance to a rope through nodes (x, y, z, radius)."""
-    result: Floats | None = None
-    table = np.array(nodes)
-    for a, b in zip(table[:-1], table[1:], strict=True):
-        axis = b[:3] - a[:3]
-        t = np.clip((p - a[:3]) @ axis / (axis @ axis), 0, 1)
-        piece = np.linalg.norm(p - a[:3] - t[:, None] * axis, axis=1) - (a[3] + t * (b[3] - a[3]))
-        result = piece if result is None else np.minimum(result, piece)
-    assert result is not None
+@cache
+def _curve(nodes: tuple[tuple[float, ...], ...]) -> Floats:
+    """Return about evenly spaced points of the smooth curve through nodes; a straight pair stays a pair."""
+    table = np.array(nodes, dtype=float)
+    if len(table) < 3:
+        return table
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(table[:, :3], axis=0), axis=1))])
+    return CubicSpline(length, table, bc_type="natural")(np.linspace(0, length[-1], 4 * len(table)))
+
+
+def _nearest(p: Floats, table: Floats) -> tuple[Floats, Floats]:
+    """Return squared distance to a curve's nearest point, and what else the curve carries there.
+
+    Between the points of a bent curve the nearest one glides, so that no crease shows where it changes.
+    """
+    if len(table) == 2:
+        axis = table[1] - table[0]
+        t = np.clip((p - table[0, :3]) @ axis[:3] / max(axis[:3] @ axis[:3], 1e-9), 0, 1)
+        at = table[0] + t[:, None] * axis
+    else:
+        gap = np.sum((table[1] - table[0])[:3] ** 2)
+        squared = np.sum(table[:, :3] ** 2, axis=1) - 2 * p @ table[:, :3].T
+        weight = np.exp(-(squared - squared.min(axis=1, keepdims=True)) / gap)
+        at = weight @ table / weight.sum(axis=1, keepdims=True)
+    away = p - at[:, :3]
+    return np.einsum("ij,ij->i", away, away), at[:, 3:]
+
+
+def _bound(p: Floats, table: Floats) -> Floats:
+    """Return a lower bound on the distance from a curve."""
+    center = (table[:, :3].min(axis=0) + table[:, :3].max(axis=0)) / 2
+    away = p - center
+    return np.sqrt(np.einsum("ij,ij->i", away, away)) - np.linalg.norm(table[:, :3] - center, axis=1).max()
+
+
+def _rope(p: Floats, *nodes: tuple[float, float, float, float]) -> Floats:
+    """Distance to a rope through nodes (x, y, z, radius); farther than any joint is wide, a lower bound is enough."""
+    table = _curve(nodes)
+    result = _bound(p, table) - table[:, 3].max()
+    near = result < 70
+    squared, radius = _nearest(p[near], table)
+    result[near] = np.sqrt(squared) - radius[:, 0]
     return result
 
 
-def _stroke(p: Floats, nodes: list[tuple[float, float, float]], radius: float, height: float) -> Floats:
-    """A stroke of the thumb along `nodes`: clay laid on (height > 0 mm) or pressed away."""
-    table = np.array(nodes, dtype=float)
-    nearest = np.full(len(p), np.inf)
-    for a, b in zip(table[:-1], table[1:], strict=True):
-        axis = b - a
-        t = np.clip((p - a) @ axis / max(axis @ axis, 1e-9), 0, 1)
-        nearest = np.minimum(nearest, np.sum((p - a - t[:, None] * axis) ** 2, axis=1))
-    return -height * np.exp(-nearest / radius**2)
+def _stroke(p: Floats, radius: float, height: float, *nodes: tuple[float, float, float]) -> Floats:
+    """A stroke of the thumb along a curve: clay laid on (height > 0 mm) or pressed away."""
+    table = _curve(nodes) if len(nodes) > 1 else np.array(nodes * 2, dtype=float)
+    near = _bound(p, table) < 5 * radius
+    result = np.zeros(len(p))
+    result[near] = -height * np.exp(-_nearest(p[near], table)[0] / radius**2)
+    return result
 
 
 def _solid(points: Floats) -> Floats:
@@ -90,47 +121,47 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _ellipsoid(p, (0, 46, 24), (59, 57, 63)), 30)
     # Face: upper jaw, cheekbones, lower jaw, chin.
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
-    f = _blend(f, _rope(m, [(33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)]), 24)
-    f = _blend(f, _rope(m, [(56, 0, -14, 13.5), (56, -34, -10, 13.5)]), 32)
-    f = _blend(f, _rope(m, [(56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)]), 26)
+    f = _blend(f, _rope(m, (33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)), 24)
+    f = _blend(f, _rope(m, (56, 0, -14, 13.5), (56, -34, -10, 13.5)), 32)
+    f = _blend(f, _rope(m, (56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)), 26)
     f = _blend(f, _ellipsoid(p, (0, -98, 38), (26, 18, 38)), 16)
     f = _blend(f, _ellipsoid(m, (29, -64, 42), (19, 28, 28)), 20)
     f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
     f = _blend(f, _ellipsoid(p, (0, -74, 62), (35, 30, 27)), 20)
     # Neck and shoulders.
-    neck = _rope(p, [(0, -40, -25, 47), (0, -200, -33, 54)])
-    neck = _blend(neck, _rope(m, [(22, -28, -60, 22), (32, -190, -58, 22)]), 30)
-    neck = _blend(neck, _rope(m, [(16, -128, -40, 22), (98, -200, -36, 22)]), 40)
-    neck = _blend(neck, _rope(m, [(59, -40, -24, 8), (13, -186, 22, 9)]), 20)
+    neck = _rope(p, (0, -40, -25, 47), (0, -200, -33, 54))
+    neck = _blend(neck, _rope(m, (22, -28, -54, 20), (30, -190, -54, 21)), 30)
+    neck = _blend(neck, _rope(m, (16, -128, -40, 22), (98, -200, -36, 22)), 40)
+    neck = _blend(neck, _rope(m, (59, -40, -24, 8), (13, -186, 22, 9)), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
     neck = _blend(neck, _ellipsoid(p, (0, -226, -26), (134, 48, 66)), 36)
-    neck = _blend(neck, _rope(m, [(14, -198, 22, 6), (60, -192, 12, 6), (108, -194, -14, 7)]), 14)
+    neck = _blend(neck, _rope(m, (14, -198, 22, 6), (60, -192, 12, 6), (108, -194, -14, 7)), 14)
     f = _blend(f, neck, 28)
 
     # Eyes: socket, brow, ball with its closed lids.
     f = _carve(f, _ellipsoid(m, (30, -3, 95), (20, 12.5, 17)), 15)
-    f = _blend(f, _rope(m, [(8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (55, -10, 42, 6)]), 16)
+    f = _blend(f, _rope(m, (8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (55, -10, 42, 6)), 16)
     f = _blend(f, _ellipsoid(m, (32, -3, 64), (16, 12.5, 14.5)), 10)
     # Nose.
-    nose = _rope(p, [(0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5)])
-    nose = _blend(nose, _rope(m, [(7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)]), 12)
+    nose = _rope(p, (0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5))
+    nose = _blend(nose, _rope(m, (7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)), 12)
     nose = _blend(nose, _ellipsoid(p, (0, -40, 105.5), (9, 8.5, 9)), 7)
     nose = _blend(nose, _ellipsoid(m, (11.8, -45, 96.5), (6, 6.5, 9.5)), 6)
-    nose = _blend(nose, _rope(p, [(0, -44, 104, 5.5), (0, -48, 93, 6)]), 7)
+    nose = _blend(nose, _rope(p, (0, -44, 104, 5.5), (0, -48, 93, 6)), 7)
     nose = _blend(nose, _ellipsoid(p, (0, -46.5, 95), (13, 5.5, 9)), 6)
     f = _blend(f, nose, 10)
     # Mouth.
-    f = _blend(f, _rope(m, [(0, -70.5, 92, 4.6), (8, -70, 91, 5), (17, -72.5, 85.5, 4.2), (26, -75.5, 77, 3)]), 6)
-    f = _blend(f, _rope(m, [(0, -81, 90, 6.2), (9, -80.5, 89.5, 6), (18, -78.5, 84.5, 4.5), (26, -75.5, 77, 3)]), 9)
-    f += _stroke(p, [(-13, -90.5, 88), (0, -91.5, 91), (13, -90.5, 88)], 7, -1.6)
-    f += _stroke(m, [(0, -75.6, 97), (8, -75, 96), (17, -75.5, 90), (27, -76, 79)], 3.2, -2.6)
-    f += _stroke(p, [(0, -60, 91.5), (0, -67, 96)], 3, -1.2)
-    f += _stroke(m, [(5, -60, 91), (5.4, -66, 95.5)], 2.2, 0.7)
-    f += _stroke(m, [(0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82)], 1.8, 0.5)
-    f += _stroke(m, [(19, -44, 88), (28, -62, 80), (32, -76, 74)], 5, -1.0)
-    f += _stroke(m, [(22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65)], 2.4, -0.8)
-    f += _stroke(m, [(60, 22, 46), (62, 30, 44)], 20, -1.5)
+    f = _blend(f, _rope(m, (0, -70.5, 92, 4.6), (8, -70, 91, 5), (17, -72.5, 85.5, 4.2), (26, -75.5, 77, 3)), 6)
+    f = _blend(f, _rope(m, (0, -81, 90, 6.2), (9, -80.5, 89.5, 6), (18, -78.5, 84.5, 4.5), (26, -75.5, 77, 3)), 9)
+    f += _stroke(p, 7, -1.6, (-13, -90.5, 88), (0, -91.5, 91), (13, -90.5, 88))
+    f += _stroke(m, 3.2, -2.6, (0, -75.6, 97), (8, -75, 96), (17, -75.5, 90), (27, -76, 79))
+    f += _stroke(p, 3, -1.2, (0, -60, 91.5), (0, -67, 96))
+    f += _stroke(m, 2.2, 0.7, (5, -60, 91), (5.4, -66, 95.5))
+    f += _stroke(m, 1.8, 0.5, (0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82))
+    f += _stroke(m, 5, -1.0, (19, -44, 88), (28, -62, 80), (32, -76, 74))
+    f += _stroke(m, 2.4, -0.8, (22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65))
+    f += _stroke(m, 20, -1.5, (60, 22, 46), (62, 30, 44))
     return -_blend(-f, points[:, 1] + 206, 16)
 
 
@@ -349,22 +380,22 @@ def _periodic(table: tuple[tuple[float, float], ...], angle: Floats) -> Floats:
     return CubicSpline(degrees, values, bc_type="periodic")(np.degrees(angle))
 
 
-def _stroke2(a: Floats, b: Floats, nodes: list[tuple[float, float]], radius: float, height: float) -> Floats:
-    zero = np.zeros_like(a).ravel()
-    points = np.stack([a.ravel(), b.ravel(), zero], axis=1)
-    return -_stroke(points, [(x, y, 0) for x, y in nodes], radius, height).reshape(a.shape)
+def _ridge(a: Floats, b: Floats, radius: float, height: float, *nodes: tuple[float, float]) -> Floats:
+    """A stroke in the ear's plane."""
+    points = np.stack([a.ravel(), b.ravel(), np.zeros(a.size)], axis=1)
+    return -_stroke(points, radius, height, *((x, y, 0.0) for x, y in nodes)).reshape(a.shape)
 
 
 def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
     """Height in mm of the ear's front over its plane, at `a` mm backward and `b` mm upward of the canal."""
     h = rolled * 3.4 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
     h -= rolled * 1.3 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
-    h += _stroke2(a, b, [(4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22)], 3.2, 3.2)
-    h += _stroke2(a, b, [(11, 9), (5, 12.5), (-2, 14)], 2.6, 2.4)
-    h += _stroke2(a, b, [(4, 2), (-3, 4.5), (-8, 9)], 2.6, 4.0)
-    h += _stroke2(a, b, [(-7, 2), (-6.5, -4)], 3.4, 5.0)
-    h += _stroke2(a, b, [(4, -14.5)], 3.4, 2.0)
-    h += _stroke2(a, b, [(2, -22)], 7, 1.6)
+    h += _ridge(a, b, 3.2, 3.2, (4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22))
+    h += _ridge(a, b, 2.6, 2.4, (11, 9), (5, 12.5), (-2, 14))
+    h += _ridge(a, b, 2.6, 4.0, (4, 2), (-3, 4.5), (-8, 9))
+    h += _ridge(a, b, 3.4, 5.0, (-7, 2), (-6.5, -4))
+    h += _ridge(a, b, 3.4, 2.0, (4, -14.5))
+    h += _ridge(a, b, 7, 1.6, (2, -22))
     return h
 
 
@@ -393,7 +424,7 @@ def _ear_ground(offset: Floats, side: int) -> Floats:
 def _hollow(a: Floats, b: Floats) -> Floats:
     """Depth in mm of the concha and the canal's mouth."""
     bowl = np.hypot((a - 3) / 8.5, (b + 1.5) / 11)
-    return 8.5 / (1 + bowl**6) + _stroke2(a, b, [(-1.5, -0.5)], 3.6, 4.0)
+    return 8.5 / (1 + bowl**6) + _ridge(a, b, 3.6, 4.0, (-1.5, -0.5))
 
 
 @cache
@@ -570,7 +601,7 @@ def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tup
     cells = []
     for p in range(low[0], high[0], 4):
         for q in range(low[1], high[1], 4):
-            if patch != _ROWS_PATCH or not -AROUND - SIDE <= p < AROUND + SIDE:
+            if patch != _ROWS_PATCH or (q < 36 and not -AROUND - SIDE <= p < AROUND + SIDE):
                 cells.append((patch, float(p), float(q), 4.0))
                 continue
             for i, j in ((p, q), (p + 2, q), (p, q + 2), (p + 2, q + 2)):
