@@ -150,8 +150,15 @@ def ciede2000(lab1: ArrayLike, lab2: ArrayLike) -> Array:
     return np.asarray(np.sqrt(np.maximum(l * l + c * c + hue * hue + R_T * c * hue, 0.0)))
 
 
+#: below this peak the display transform leaves a color as it is; above, it loses saturation by this factor
+SHOULDER_START, SHOULDER_DESATURATION = 0.8, 0.15
+
+
 def neutral_display(rgb: ArrayLike) -> Array:
-    """Map scene-linear color to display-linear [0, 1): the Khronos PBR Neutral tone mapper.
+    """Map scene-linear color to display-linear [0, 1) by the shoulder of the Khronos PBR Neutral tone mapper.
+
+    Its toe is left out: it takes off the 4 % that a dielectric reflects under uniform light, which here would only
+    darken and saturate the shadows.
 
     Parameters
     ----------
@@ -160,23 +167,18 @@ def neutral_display(rgb: ArrayLike) -> Array:
     Returns
     -------
     Array
-        (..., 3) linear, still to be encoded with `srgb_encode`. Base colors up to 0.8 under the tone mapper's assumed
-        4 % Fresnel reflection keep their hue and saturation; brighter peaks roll off towards white.
+        (..., 3) linear, still to be encoded with `srgb_encode`. Colors up to 0.8 stay; brighter peaks roll off
+        towards white.
 
     Notes
     -----
-    Khronos Group, "Khronos PBR Neutral Tone Mapper", 2024.
+    [KhronosNeutral2024]
     """
-    fresnel, desaturation = 0.04, 0.15
-    start = 0.8 - fresnel
     color = np.asarray(rgb, dtype=np.float64)
-    low = color.min(axis=-1, keepdims=True)
-    # The parabola meets the constant offset with its slope where low = 2 x fresnel.
-    color = color - np.where(low < 2 * fresnel, low - low * low / (4 * fresnel), fresnel)
     peak = color.max(axis=-1, keepdims=True)
-    bright = np.maximum(peak, start)
-    room = 1 - start
-    mapped = 1 - room * room / (bright + room - start)
-    gray = 1 - 1 / (desaturation * (bright - mapped) + 1)
+    bright = np.maximum(peak, SHOULDER_START)
+    room = 1 - SHOULDER_START
+    mapped = 1 - room * room / (bright + room - SHOULDER_START)
+    gray = 1 - 1 / (SHOULDER_DESATURATION * (bright - mapped) + 1)
     compressed = color * (mapped / bright)
-    return np.where(peak < start, color, compressed + (mapped - compressed) * gray)
+    return np.where(peak < SHOULDER_START, color, compressed + (mapped - compressed) * gray)

@@ -114,3 +114,19 @@ def _asset(value: object, info: ValidationInfo) -> Path:
 AssetPath = Annotated[Path, PlainValidator(_asset), WithJsonSchema({"type": "string", "format": "path"})]
 """A field that names a file. Validated with the context {"base": folder, "roots": folders}, it becomes the resolved
 path, so that a missing or forbidden file is reported at its line; without a context it stays as it is."""
+
+
+def _picture(value: object, info: ValidationInfo) -> Path:
+    from skincli.images import size_of  # here, for OpenImageIO takes its time to load
+
+    path = _asset(value, info)
+    if info.context is not None and "base" in info.context:
+        try:
+            size_of(path, os.fspath(path))
+        except InputError as error:
+            raise ValueError(f"that file {error.faults[0].message}") from None
+    return path
+
+
+PicturePath = Annotated[Path, PlainValidator(_picture), WithJsonSchema({"type": "string", "format": "path"})]
+"""An AssetPath whose file is a picture, told by its header: a wrong or broken one is reported at its line, too."""

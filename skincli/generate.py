@@ -88,6 +88,10 @@ def write_maps(folder: Path, skin: Skin, name: str, size: int) -> list[Path]:
     ------
     OutputError : a file cannot be written
     """
+    files = {map_name: folder / f"{map_name}.png" for map_name in MAPS}
+    path = folder / "manifest.json"
+    for file in (*files.values(), path):
+        images.require_writable(file)
     arrays = generate(skin, size)
     height = arrays["bump"]
     # A symmetric range keeps the undisplaced surface at mid-level exactly.
@@ -98,13 +102,11 @@ def write_maps(folder: Path, skin: Skin, name: str, size: int) -> list[Path]:
         "bump": {"color_space": "data", "mid_level": 0.5, "unit": "mm", "range": [-half_range, half_range]},
         "reflection": {"color_space": "data", "range": [0.0, 1.0]},
     }
-    files = []
-    for map_name, array in stored.items():
-        file = folder / f"{map_name}.png"
+    for map_name, file in files.items():
+        array = stored[map_name]
         images.write_png(file, array, kind="color" if map_name == "albedo" else "data", bits=16)
         pixels = hashlib.blake2b(np.ascontiguousarray(arrays[map_name]).tobytes(), digest_size=16).hexdigest()
         entries[map_name] |= {"file": file.name, "bits": 16, "pixels": pixels, "bytes": file_digest(file)}
-        files.append(file)
     manifest = {
         "manifest": 1,
         "skin": name,
@@ -115,6 +117,5 @@ def write_maps(folder: Path, skin: Skin, name: str, size: int) -> list[Path]:
         "versions": {"skincli": skincli.__version__},
         "maps": entries,
     }
-    path = folder / "manifest.json"
     images.write_text(path, json.dumps(manifest, indent=1) + "\n")
-    return [*files, path]
+    return [*files.values(), path]

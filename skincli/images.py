@@ -315,20 +315,40 @@ def atomic(path: StrPath) -> Iterator[Path]:
     target = Path(path)
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{target.suffix}")
     try:
-        if target.exists() and not target.is_file():
-            raise OSError("it exists and is not a file")  # a rename would replace a device such as /dev/null
+        _refuse_what_is_no_file(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         with open(temporary, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(temporary, target)
     except OSError as error:
-        raise OutputError(
-            Fault(f"cannot be written: {error.strerror or error}; choose a place that can", os.fspath(path))
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         with suppress(OSError):  # gone after the rename; never to be created where the folder is missing
             temporary.unlink()
+
+
+def require_writable(path: StrPath) -> None:
+    """Raise the OutputError of `atomic` where it can be foreseen, before work is done for a file; writes nothing."""
+    target = Path(path)
+    try:
+        _refuse_what_is_no_file(target)
+        folder = next(parent for parent in target.absolute().parents if parent.exists())
+        if not folder.is_dir():
+            raise OSError(f"'{folder}' is not a folder")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise OSError(f"the folder '{folder}' does not permit it")
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def _refuse_what_is_no_file(target: Path) -> None:
+    if target.exists() and not target.is_file():
+        raise OSError("it exists and is not a file")  # a rename would replace a device such as /dev/null
+
+
+def _unwritable(path: StrPath, error: OSError) -> OutputError:
+    return OutputError(Fault(f"cannot be written: {error.strerror or error}; choose a place that can", os.fspath(path)))
 
 
 def write_text(path: StrPath, text: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skincli import images
-from skincli.bench.stages import StageError
+from skincli.bench.stages import DEPTH_RMS, DEPTH_SHARE, FULL_TOLERANCE, StageError
 from skincli.errors import OutputError
 from skincli.render import report_document
 
@@ -80,7 +80,10 @@ def _stages(stages: Rows) -> str:
                 "ok" if stage["passed"] else "FAILS",
             )
         )
-    title = "Error against the float64 twin on the same stored inputs; * compares depths: allowed but for 0.1 % of the pixels"
+    title = (
+        "Error against the float64 twin on the same stored inputs; * where depths are compared, this is allowed\n"
+        f"but for {DEPTH_SHARE:.1%} of the pixels, and {DEPTH_RMS / FULL_TOLERANCE:g} times this as RMS"
+    )
     return f"{title}\n{table(rows, text=3)}"
 
 
@@ -117,8 +120,8 @@ def _nodes(nodes: Rows) -> str:
             )
         )
     title = (
-        "Nodes: median (lower to upper quartile); empty: did not run. Rates are those of --no-skip: least MB counts every\n"
-        "input read once and every target written once"
+        "Nodes: median (lower to upper quartile); empty: did not run\n"
+        "Rates are those of --no-skip; least MB: every input read once, every target written once"
     )
     return f"{title}\n{table(rows, text=1)}"
 

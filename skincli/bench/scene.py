@@ -38,7 +38,7 @@ ambient: [0.1, 0.08, 0.06]
 lights:
   - {type: directional, direction: [-0.5, -0.6, -1], irradiance: [2.0, 1.8, 1.6]}
   - {type: point, position: [-250, 150, 120], intensity: [0.1, 0.12, 0.2]}
-  - {type: spot, position: [80, 260, 120], direction: [-0.3, -1, -0.4], intensity: [0.3, 0.2, 0.2], angle: 26, blend: 0.6}
+  - {type: spot, position: [80, 260, 120], direction: [-3, -9, -4], intensity: [0.3, 0.2, 0.2], angle: 26, blend: 0.6}
 environment: {image: sky.exr, rotation: 70, exposure: -2}
 render: {size: [320, 240], supersample: 1, atlas: 256, occlusion: {radius_high: 4, radius_low: 25}}
 """
@@ -53,7 +53,7 @@ camera: {position: [120, 20, 600], target: [0, 0, 0], fov: 30}
 lights:
   - {type: directional, direction: [-0.5, -0.3, -1], irradiance: [2.5, 2.4, 2.3]}
   - {type: point, position: [-300, 200, -200], intensity: [0.2, 0.2, 0.3]}
-  - {type: spot, position: [100, 400, 300], direction: [-0.2, -1, -0.6], intensity: [0.3, 0.3, 0.3], angle: 40, blend: 0.2}
+  - {type: spot, position: [100, 400, 300], direction: [-1, -5, -3], intensity: [0.3, 0.3, 0.3], angle: 40, blend: 0.2}
 environment: {image: sky.exr, exposure: -1}
 render: {size: [640, 480], atlas: 1024}
 """

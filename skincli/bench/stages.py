@@ -15,7 +15,7 @@ from skincli import metrics
 from skincli.bench.scene import STAGE_SCENE, load, ring
 from skincli.color import neutral_display
 from skincli.gpu.textures import read_back
-from skincli.graph.node import ZERO, Constant, Load, Pass, Ref
+from skincli.graph.node import ZERO, Constant, Load, Node, Pass, Ref
 from skincli.passes import (
     atlas,
     blur,
@@ -155,7 +155,7 @@ class Stage:
     compares_depth: bool = False
 
 
-STAGES: Mapping[type[Pass], Stage] = {
+STAGES: Mapping[type[Node], Stage] = {
     slope.Slope: Stage("slope", "slope", _slope),
     atlas.Atlas: Stage("bump", "normal", _bump),
     irradiance.Irradiance: Stage("lighting", "irradiance", _lighting),

@@ -14,8 +14,9 @@ import numpy as np
 from skincli.bench.scene import PAPER_SCENE, TIMED_SCENE, TIMED_SETS, load
 from skincli.gpu.textures import FORMATS
 from skincli.graph.frame_graph import NodeReport
-from skincli.graph.node import ZERO, Load, Node, Pass, Ref
+from skincli.graph.node import ZERO, Draw, Load, Node, Pass, Ref
 from skincli.graph.store import Store
+from skincli.passes.atlas import AtlasValues
 from skincli.pipeline import Pipeline, frame_camera, load_scene_mesh
 from skincli.scene.model import Camera
 
@@ -105,7 +106,8 @@ class Measured:
 def measure(pipeline: Pipeline, count: int) -> Measured:
     """Measure `count` frames, and the nodes in as many again, while the camera moves."""
     motion = Motion(pipeline)
-    frames, nodes = [], {}
+    frames: list[float] = []
+    nodes: dict[str, list[float]] = {}
     for _ in range(count):
         motion.step()
         frames.append(frame_ms(pipeline))
@@ -121,24 +123,31 @@ def measure(pipeline: Pipeline, count: int) -> Measured:
 
 
 def least_bytes(node: Node, nodes: Mapping[str, Node], reports: Mapping[str, NodeReport]) -> int:
-    """Return the texture bytes that a node must at least move: each input read once, each target written once.
+    """Return the texture bytes that a node must at least move in a frame in which all nodes ran.
 
-    A draw over the whole target does so again; adding to a target also reads it. Vertices are left out.
+    Each target is written once and each input read once, by no more texels than it or the target has. A draw over the
+    whole target does so again; adding to a target also reads it. Vertices are left out.
     """
     own = reports[node.name]
     if isinstance(node, Load):
         return own.bytes
     assert isinstance(node, Pass)
-    over_all = [draw for draw in node.draws if draw.topology == "screen"]
-    passes = max(len(over_all), 1)
     read = 0
-    for draw in over_all or node.draws[:1]:
-        sources = {draw.inputs.get(name, node.wired.get(name, ZERO)) for name in node.inputs}
-        for source in sources:
+    for draw in _draws_over_all(node) or node.draws[:1]:
+        for source in {draw.inputs.get(name, node.wired.get(name, ZERO)) for name in node.inputs}:
             if isinstance(source, Ref):
-                width, height = reports[source.node].size
-                read += width * height * FORMATS[nodes[source.node].outputs[source.output].format][2]
-    return read + own.bytes * passes * (2 if node.additive else 1)
+                texels = min(_area(reports[source.node]), _area(own))
+                read += texels * FORMATS[nodes[source.node].outputs[source.output].format][2]
+    return read + own.bytes * max(len(_draws_over_all(node)), 1) * (2 if node.additive else 1)
+
+
+def _draws_over_all(node: Node) -> Sequence[Draw]:
+    """Return the draws that touch every texel of the target; those of a mesh share the texels among them."""
+    return [draw for draw in node.draws if draw.topology == "screen"] if isinstance(node, Pass) else []
+
+
+def _area(report: NodeReport) -> int:
+    return report.size[0] * report.size[1]
 
 
 def time_scene() -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -181,13 +190,12 @@ def time_scene() -> tuple[dict[str, Any], list[dict[str, Any]]]:
     reports = {report.name: report for report in everything.reports}
     rows = []
     for name, node in eager.graph.nodes.items():
-        width, height = reports[name].size
-        passes = max(sum(draw.topology == "screen" for draw in node.draws), 1) if isinstance(node, Pass) else 1
+        drawn = _area(reports[name]) * max(len(_draws_over_all(node)), 1)
         rows.append(
             {
                 "name": name,
-                "size": [width, height],
-                "megatexels": round(width * height * passes / 1e6, 4),
+                "size": list(reports[name].size),
+                "megatexels": round(drawn / 1e6, 4),
                 "least_bytes": least_bytes(node, eager.graph.nodes, reports),
                 "cold_ms": cold_nodes.get(name),
                 "warm": _entry(warm.nodes.get(name)),
@@ -248,8 +256,8 @@ def _renew_atlas(pipeline: Pipeline, frame: int) -> None:
     atlas = pipeline.graph.nodes["atlas"]
     assert isinstance(atlas, Pass)
     factor = 1 + 1e-6 * frame
-    draws: list[Any] = [
-        replace(draw, values=replace(draw.values, bumpiness=factor * draw.values.bumpiness))  # type: ignore[attr-defined,type-var]
-        for draw in atlas.draws
-    ]
+    draws = []
+    for draw in atlas.draws:
+        assert isinstance(draw.values, AtlasValues)
+        draws.append(replace(draw, values=replace(draw.values, bumpiness=factor * draw.values.bumpiness)))
     pipeline.graph.update([atlas.with_draws(draws)])

@@ -24,9 +24,9 @@ def command(
     Writes albedo.png (sRGB), bump.png (grey, 0.5 is the undisplaced surface), reflection.png, 16 bits each, and
     manifest.json, which says their size, range, unit and hashes.
     """
+    from skincli.files import asset_roots
     from skincli.generate import write_maps
     from skincli.gpu.context import get_context
-    from skincli.files import asset_roots
     from skincli.scene.paths import load_skin
 
     found = load_skin(skin, sets, asset_roots(roots)).skin

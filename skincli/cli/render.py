@@ -38,22 +38,25 @@ def command(
     one file per output: NAME.png for beauty, NAME.OUTPUT.png for others.
     """
     from skincli import render
-    from skincli.gpu.context import get_context
-    from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
     from skincli.files import asset_roots
+    from skincli.gpu.context import get_context
+    from skincli.images import require_writable
+    from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
     from skincli.scene.paths import load_scene
 
     target = render.Target(output)
     if names is not None:
         sets = (*sets, f"outputs=[{names}]")
     loaded = load_scene(scene, sets, asset_roots(roots), outputs=OUTPUTS)
-    mesh = load_scene_mesh(loaded, use_cache=not no_skip)
+    # What fails quickly comes first: files to write, the device, and only then the mesh.
+    target.require_writable(loaded.scene.outputs)
+    if report is not None:
+        require_writable(report)
     get_context(require_gpu)
+    mesh = load_scene_mesh(loaded, use_cache=not no_skip)
     pipeline = Pipeline(loaded, mesh, skip=not no_skip)
     timing = explain or report is not None
-    frame = {"frame": 1, **render.render_frame(pipeline, target, loaded.scene.outputs, timing)}
-    if check:
-        render.require_finite(pipeline)
+    frame = {"frame": 1, **render.render_frame(pipeline, target, loaded.scene.outputs, timing, check)}
     if report is not None:
         render.write_report(report, [frame])
     if explain:

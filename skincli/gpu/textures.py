@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.errors import LimitError
-from skincli.gpu.context import get_context
+from skincli.gpu.context import get_context, rest
 from skincli.gpu.counters import COUNTERS
 
 #: format name -> (components, moderngl dtype, bytes of a texel)
@@ -67,6 +67,7 @@ class TexturePool:
 
     def trim(self) -> None:
         """Free every texture that is not in use."""
+        rest()
         for textures in self._free.values():
             for texture in textures:
                 self._forget(texture)

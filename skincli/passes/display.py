@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from skincli.color import SHOULDER_DESATURATION, SHOULDER_START
 from skincli.gpu.blocks import Values
 from skincli.graph.node import Input, Output, Pass
 
@@ -16,10 +17,13 @@ class DisplayValues(Values):
     ----------
     gain : 2 to the exposure in EV
     neutral : 1 bends highlights [KhronosNeutral2024], 0 clips
+    start, desaturation : of the shoulder, see skincli.color
     """
 
     gain: float
     neutral: int
+    start: float = SHOULDER_START
+    desaturation: float = SHOULDER_DESATURATION
 
 
 class Display(Pass):

@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from skincli.errors import did_you_mean
-from skincli.files import AssetPath
+from skincli.files import AssetPath, PicturePath
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 # glTF 2.0, 3.4: "The units for all linear distances are meters". The other formats do not say.
@@ -192,7 +192,7 @@ Light = Annotated[DirectionalLight | PointLight | SpotLight, Field(discriminator
 class Environment(Written):
     """Light from all around, as a latitude-longitude picture."""
 
-    image: AssetPath = Field(description="hdr, exr or png file, relative to the file that names it")
+    image: PicturePath = Field(description="hdr, exr or png file, relative to the file that names it")
     rotation: float = Field(default=0.0, ge=-3600, le=3600, description="turn about the vertical axis, degrees")
     exposure: Exposure = Field(default=0.0, description="brightening of the environment, EV (doublings)")
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, get_args
 
-from skincli import resources
+from skincli import files, resources
 from skincli.errors import Fault, InputError, UsageError, did_you_mean
-from skincli import files
 from skincli.scene.model import Scene
 from skincli.scene.skin import Skin
 from skincli.scene.yaml import (

@@ -155,26 +155,26 @@ class _Arm:
 
 _ARMS = (
     # The lip: what the eye meets first.
-    _Arm((-15, -14, 75), (-0.35, -0.5, 0.9), 215, 19, 1.9, (15, 1.25), (450, 0.55), (0.8, 0, -0.6), 60),
-    _Arm((14, -17, 76), (0.3, -0.6, 0.9), 190, 20, 2.2, (-14, 1.1), (400, 0.52), (-0.9, 0, -0.4), -50),
-    _Arm((-40, -8, 66), (-0.9, -0.1, 0.7), 225, 18, 1.3, (9, 0.8), (500, 0.46), (0.2, -1, -0.3), 20),
+    _Arm((-15, -14, 75), (-0.35, -0.5, 0.9), 205, 19, 1.9, (15, 1.25), (470, 0.52), (0.8, 0, -0.6), 60),
+    _Arm((14, -17, 76), (0.3, -0.6, 0.9), 172, 20, 2.2, (-14, 1.1), (420, 0.5), (-0.9, 0, -0.4), -50),
+    _Arm((-40, -8, 66), (-0.9, -0.1, 0.7), 210, 18, 1.3, (9, 0.8), (520, 0.44), (0.2, -1, -0.3), 20),
     _Arm((41, -10, 66), (0.95, 0.0, 0.6), 195, 19, 1.0, (-6, 0.9), (-460, 0.42), (-0.2, -1, -0.1), -30),
     # Behind and between them.
-    _Arm((1, -36, 70), (0.05, -0.9, 0.6), 175, 17, 2.6, (13, 1.5), (-380, 0.6), (0.7, 0, 0.7), 70),
-    _Arm((-29, -35, 66), (-0.4, -0.8, 0.6), 190, 16, 2.2, (-13, 1.3), (430, 0.55), (-0.8, 0, 0.5), -50),
-    _Arm((30, -36, 66), (0.4, -0.8, 0.6), 200, 18, 2.2, (14, 1.2), (400, 0.58), (0.8, 0, 0.5), 60),
-    _Arm((-62, -20, 36), (-1, -0.2, 0.3), 235, 17, 1.1, (8, 1.0), (450, 0.5), (0, -1, 0.3), 70),
-    _Arm((63, -22, 36), (1, -0.4, 0.35), 215, 17, 1.3, (-10, 1.2), (420, 0.55), (0, -1, 0.3), -60),
-    _Arm((-50, -38, 48), (-0.7, -0.8, 0.5), 175, 15, 2.0, (10, 1.5), (380, 0.58), (0.6, 0, 0.8), 40),
-    _Arm((50, -40, 48), (0.7, -0.9, 0.5), 180, 14, 2.0, (-11, 1.4), (-440, 0.55), (-0.7, 0, 0.7), -40),
-    _Arm((-14, -52, 62), (-0.2, -1, 0.35), 150, 14, 2.4, (14, 1.1), (340, 0.6), (0.7, 0, 0.7), 30),
-    _Arm((17, -54, 62), (0.2, -1, 0.35), 140, 14, 2.4, (-14, 1.2), (-360, 0.55), (-0.7, 0, 0.7), -30),
+    _Arm((1, -36, 70), (0.05, -0.9, 0.6), 150, 17, 2.6, (13, 1.5), (-400, 0.55), (0.7, 0, 0.7), 70),
+    _Arm((-29, -35, 66), (-0.4, -0.8, 0.6), 170, 16, 2.2, (-13, 1.3), (450, 0.52), (-0.8, 0, 0.5), -50),
+    _Arm((30, -36, 66), (0.4, -0.8, 0.6), 185, 18, 2.2, (14, 1.2), (420, 0.55), (0.8, 0, 0.5), 60),
+    _Arm((-62, -20, 36), (-1, -0.1, 0.3), 200, 17, 0.9, (9, 0.9), (-430, 0.45), (0, -1, 0.3), 40),
+    _Arm((63, -22, 36), (1, -0.4, 0.35), 185, 17, 1.3, (-10, 1.2), (430, 0.5), (0, -1, 0.3), -60),
+    _Arm((-50, -38, 48), (-0.7, -0.8, 0.5), 165, 15, 2.0, (10, 1.5), (400, 0.55), (0.6, 0, 0.8), 40),
+    _Arm((50, -40, 48), (0.7, -0.9, 0.5), 150, 14, 2.0, (-11, 1.4), (-460, 0.5), (-0.7, 0, 0.7), -40),
+    _Arm((-14, -52, 62), (-0.2, -1, 0.35), 125, 14, 2.4, (14, 1.1), (360, 0.55), (0.7, 0, 0.7), 30),
+    _Arm((17, -54, 62), (0.2, -1, 0.35), 112, 14, 2.4, (-14, 1.2), (-360, 0.55), (-0.7, 0, 0.7), -30),
     # Whiskers.
-    _Arm((-27, -16, 72), (-0.5, -0.3, 1), 120, 8, 2.2, (22, 1.6), (300, 0.6)),
-    _Arm((29, -20, 72), (0.5, -0.4, 1), 105, 7, 2.0, (-22, 1.5), (360, 0.55)),
-    _Arm((0, -20, 76), (0.0, -0.4, 1), 125, 8, 3.0, (22, 1.7), (280, 0.6)),
-    _Arm((-55, -2, 52), (-1, 0.1, 0.7), 100, 7, 1.4, (16, 1.2), (400, 0.5)),
-    _Arm((54, -28, 54), (0.8, -0.5, 0.8), 105, 8, 1.8, (-18, 1.4), (330, 0.55)),
+    _Arm((-27, -16, 72), (-0.5, -0.3, 1), 115, 8, 2.0, (16, 1.5), (320, 0.55)),
+    _Arm((29, -20, 72), (0.5, -0.4, 1), 100, 7, 1.8, (-16, 1.4), (380, 0.5)),
+    _Arm((0, -20, 76), (0.0, -0.4, 1), 118, 8, 2.6, (16, 1.6), (300, 0.55)),
+    _Arm((-55, -2, 52), (-1, 0.1, 0.7), 100, 7, 1.4, (14, 1.2), (420, 0.48)),
+    _Arm((54, -28, 54), (0.8, -0.5, 0.8), 100, 8, 1.8, (-14, 1.4), (350, 0.52)),
 )
 _TIP = 3.0  # thickness of every tentacle where its tip begins to round off, mm
 _SUNK = 8.0  # length of a tentacle that lies inside the body, mm
@@ -285,7 +285,7 @@ def _separate(line: Array, thickness: Array) -> Array:
         push /= np.maximum(hits, 1.0)[:, None]
         sunk = np.clip(radius * 1.02 - _bust(flat), 0.0, None)
         push += sunk[:, None] * _gradient(_bust, flat)
-        push = gaussian_filter1d(push.reshape(line.shape) * free, 5.0, axis=1, mode="nearest")
+        push = gaussian_filter1d(push.reshape(line.shape) * free, 8.0, axis=1, mode="nearest")
         line = line + 0.9 * push * free
     return line
 
@@ -359,12 +359,12 @@ def _groove(distance: Array, width: float) -> Array:
 @cache
 def _warts() -> tuple[Array, Array, Array]:
     """Centers (n, 3), radii (n,) and heights (n,) of the warts, mm."""
-    count = 190
+    count = 150
     k = np.arange(count)
     # Golden-angle spiral, loosened by irrational multiples: even, without order, and without a random generator.
     s = 0.56 * np.sqrt((k + 0.5) / count) + 0.02 * np.sin(12.9898 * k)
     theta = np.pi - np.mod(2.39996323 * k + 0.4 * np.sin(78.233 * k), 2 * np.pi)
-    radius = 4.5 + 8.0 * (0.5 + 0.5 * np.sin(37.719 * k + 1.0)) ** 5
+    radius = 6.0 + 8.0 * (0.5 + 0.5 * np.sin(37.719 * k + 1.0)) ** 5
     center = _body_points(_bust, np.abs(s), theta)
     face = np.exp(-((center[:, 0] / 62) ** 4) - ((center[:, 1] - 45) / 62) ** 4) * (center[:, 2] > 0)
     height = radius * (0.10 + 0.13 * np.sin(23.14 * k) ** 2) * (1.0 - face)
@@ -399,14 +399,14 @@ def _relief(p: Array) -> Array:
     along = (m - 37.0) / 19.5
     arch = np.clip(1.0 - along**2, 0.0, None)
     rise = y - 37.5 - 2.6 * along
-    upper, lower = 5.4 * arch - rise, rise + 5.2 * arch
-    opened = _smoothstep(-1.2, 2.4, _smooth_min(upper, lower, 3.0))
+    upper, lower = 6.0 * arch - rise, rise + 5.6 * arch
+    opened = _smoothstep(-1.8, 2.4, _smooth_min(upper, lower, 3.0))
     lids = np.exp(-((along / 1.25) ** 8)) * front
     h += lids * (
         1.3 * np.exp(-(((upper + 2.6) / 3.4) ** 2)) + 0.8 * np.exp(-(((lower + 2.4) / 3.0) ** 2)) - 2.0 * opened
     )
-    h += lids * 1.2 * _groove(upper + 9.5 - 2.0 * arch, 2.8)
-    h -= opened * front * 1.1 * np.exp(-((rise / 1.7) ** 2) - (along / 0.42) ** 4)
+    h += lids * _smoothstep(-1.1, -0.4, along) * 1.2 * _groove(upper + 9.5 - 2.0 * arch, 3.2)
+    h -= opened * front * 1.0 * np.exp(-((rise / 2.2) ** 2) - (along / 0.42) ** 4)
     # Bags under the eyes.
     ex, ey = m - 36.0, y - 38.0
     far = np.hypot(ex, 1.15 * ey)
@@ -416,17 +416,25 @@ def _relief(p: Array) -> Array:
     angle = np.arctan2(ey, ex)
     mask = np.exp(-(((far - 38.0) / 12.0) ** 4)) * np.exp(-((angle / 0.7) ** 4)) * _smoothstep(-40.0, 0.0, z)
     h += 0.7 * mask * np.cos(angle * 9.0)
+    # Folds swept back from the temple to the nape.
+    mask = _smoothstep(40.0, 58.0, m) * np.exp(-(((y - 40.0) / 34.0) ** 4) - ((z + 46.0) / 44.0) ** 4)
+    h += 1.5 * mask * np.cos(2 * np.pi * (y + 0.22 * z + 7.0 * np.sin(z / 27.0)) / 19.0)
     # Folds from the bridge round the cheeks.
     far = np.hypot(m - 64.0, y + 6.0)
     mask = np.exp(-(((np.arctan2(y + 6.0, 64.0 - m) - 0.15) / 0.8) ** 4)) * front
     h += mask * 2.2 * _groove(far - 33.0, 5.0)
+    # Nostrils: two slits that lean together, and pleats of the lip.
+    mask = np.exp(-(((y - 9.0) / 8.5) ** 4)) * front
+    h += 2.4 * mask * _groove(m - 9.0 + 0.32 * (y - 9.0), 3.2)
+    mask = np.exp(-(((y + 6.0) / 9.0) ** 4) - (x / 46.0) ** 8) * front
+    h += 0.7 * mask * np.cos(2 * np.pi * x / 12.5 + 1.3 * np.sin(x / 9.0) + 0.05 * y)
     # Gill slits on the sides of the neck.
     for k in range(3):
-        gx = z + 34.0 + 0.45 * (y + 62.0) - 15.0 * (k - 1) - 0.008 * (y + 62.0) ** 2
-        h += 3.4 * np.exp(-(((y + 62.0) / 19.0) ** 4)) * _groove(gx, 4.2) * _smoothstep(25.0, 45.0, m)
+        gx = z + 34.0 + 0.45 * (y + 62.0) - 20.0 * (k - 1) - 0.008 * (y + 62.0) ** 2
+        h += 3.6 * np.exp(-(((y + 62.0) / 21.0) ** 4)) * _groove(gx, 6.5) * _smoothstep(25.0, 45.0, m)
     # Sinews of the neck, swellings of the mantle's hem.
     around = np.arctan2(x, z + 24.0)
-    h += 0.9 * np.exp(-(((y + 70.0) / 36.0) ** 4)) * np.cos(17 * around + 2.0 * np.sin(y / 21.0))
+    h += 0.9 * np.exp(-(((y + 70.0) / 36.0) ** 4)) * np.cos(13 * around + 2.0 * np.sin(y / 21.0))
     drape = 1.0 - _smoothstep(-146.0, -118.0, y)
     h += 2.4 * drape * np.cos(11 * around + 0.9 * np.sin(y / 24.0) + 1.5 * np.sin(2 * around))
     h += 0.4 * np.sin(x / 7.1 + 1.7 * np.sin(y / 16.0)) * np.sin(y / 8.3 + 1.3 * np.sin(z / 14.0)) * np.sin(z / 9.2)
@@ -567,7 +575,7 @@ class _Tube:
 
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles. Each sucker has rings of its own, so that few vertices make it round."""
-        rings = ((0.0, 1), (0.4, 5), (0.7, 7), (1.1, 7)) if level else ((0.0, 1), (0.7, 5))
+        rings = ((0.0, 1), (0.4, 5), (0.7, 8), (1.1, 7)) if level else ((0.0, 1), (0.7, 5))
         points = []
         for side, shift in ((1.0, 0.0), (-1.0, 0.5)):
             place = np.arange(len(self.centers) - 1) + shift
@@ -648,27 +656,30 @@ class _Body:
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
-        face = _smoothstep(0.1, 0.24, dense) * (1.0 - _smoothstep(0.54, 0.66, dense))
-        total = np.concatenate([[0.0], np.cumsum(0.5 + 1.7 * face[1:] + 0.4 * _smoothstep(0.76, 0.86, dense[1:]))])
-        places = np.interp(np.linspace(0.0, total[-1], 61 * 2**level + 1), total, dense)
+        face = _smoothstep(0.06, 0.19, dense) * (1.0 - _smoothstep(0.54, 0.66, dense))
+        total = np.concatenate([[0.0], np.cumsum(0.8 + 1.5 * face[1:] + 1.0 * _smoothstep(0.78, 0.9, dense[1:]))])
+        places = np.interp(np.linspace(0.0, total[-1], 70 * 2**level + 1), total, dense)
         points = []
         for k, (s, front) in enumerate(zip(places[1:], np.interp(places[1:], dense, face), strict=True)):
-            turn = np.linspace(-1.0, 1.0, 2 * round((5 + 27 * np.tanh(8.0 * s) + 24 * front) * 2.0 ** (level - 1)) + 1)
+            turn = np.linspace(-1.0, 1.0, 2 * round((5 + 37 * np.tanh(8.0 * s) + 14 * front) * 2.0 ** (level - 1)) + 1)
             # Every second ring lies between the places of its neighbors.
             turn[1:-1] += (k % 2) * 0.5 * (turn[1] - turn[0]) * (1.0 - np.abs(turn[1:-1]))
             points.append(
-                np.stack([np.full(len(turn), s), np.pi * (turn - 0.19 * front * np.sin(np.pi * turn))], axis=1)
+                np.stack([np.full(len(turn), s), np.pi * (turn - 0.16 * front * np.sin(np.pi * turn))], axis=1)
             )
         params = np.concatenate(points)
         position, normal = self.surface(params)
         # Then, a few times, new points in the middle of those edges over which the surface turns most.
-        for _ in range(2):
+        for _ in range(3):
             i, j = _edges(_delaunay(params * _BODY_SCALE))[0].T
             apart = np.linalg.norm((params[i] - params[j]) * _BODY_SCALE, axis=1)
             turn = np.linalg.norm(normal[i] - normal[j], axis=1) * np.maximum(apart - 0.6 / (1 + level), 0.0)
+            # The gaze is worth more than what the beard hides.
+            x, y, z = position[i].T
+            turn *= np.where((np.hypot(np.abs(x) - 37.0, y - 38.0) < 26.0) & (z > 30.0), 4.0, np.where(y < -40.0, 0.4, 1.0))
             # Both sides of the cut must stay alike.
             turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
-            worst = np.sort(np.argsort(-turn, kind="stable")[: 200 * 4**level])
+            worst = np.sort(np.argsort(-turn, kind="stable")[: 170 * 4**level])
             middle = 0.5 * (params[i[worst]] + params[j[worst]])
             more = self.surface(middle)
             params = np.concatenate([params, middle])

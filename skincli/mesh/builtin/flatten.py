@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_fill_holes
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from scipy.signal import fftconvolve
@@ -240,16 +240,16 @@ def pack(uv: Floats, faces: Ints, margin: float) -> Floats:
 
 
 def _cover(uv: Floats, faces: Ints, low: Floats, cell: float, margin: float) -> NDArray[np.bool_]:
-    """Return the cells that triangles touch, or come nearer to than the margin."""
-    corner = (uv[faces] - low) / cell
-    longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max()
-    steps = int(np.ceil(2 * longest)) + 1
-    weights = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]) / steps
-    border = int(np.ceil(margin / cell)) + 1
-    at = np.floor(np.einsum("wk,fkx->wfx", weights, corner).reshape(-1, 2)).astype(int) + border
-    mask = np.zeros(at.max(axis=0) + border + 1, dtype=bool)
+    """Return the cells of one chart and those nearer to it than the margin."""
+    loop = (uv[border(faces)] - low) / cell
+    ahead = np.roll(loop, -1, axis=0)
+    steps = int(np.ceil(2 * np.abs(ahead - loop).max())) + 1
+    t = np.arange(steps)[:, None, None] / steps
+    rim = int(np.ceil(margin / cell)) + 1
+    at = np.floor(loop + t * (ahead - loop)).reshape(-1, 2).astype(int) + rim
+    mask = np.zeros(at.max(axis=0) + rim + 1, dtype=bool)
     mask[at[:, 0], at[:, 1]] = True
-    result: NDArray[np.bool_] = binary_dilation(mask, np.ones((2 * border + 1,) * 2))
+    result: NDArray[np.bool_] = binary_dilation(binary_fill_holes(mask), np.ones((2 * rim + 1,) * 2))
     return result
 
 

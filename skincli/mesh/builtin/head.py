@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter1d, map_coordinates
 
 from skincli.mesh.builtin.flatten import charts, cut, flatten, half_edges, pack, relax
 from skincli.mesh.model import Mesh, Part
@@ -184,15 +184,15 @@ _ROWS = np.array(
         (9, 15, -8, -7.5, 80, 3, 75, 2, -102),
         (11, 15, -8, -12.5, 80, -7, 74, -8, -98),
         (20, 15, -8, -54, 97, -52, 66, -58, -76),
-        (21, 14, -8, -59.5, 95, -54.5, 65, -62, -75),
-        (23, 10, -8, -70.5, 98, -58.5, 63, -69, -73),
-        (25, 5, -8, -75, 94, -62.5, 62, -75, -72),
-        (27, -2, -8, -79.5, 97, -67, 60, -80, -71),
-        (29, -12, -9, -90, 89, -73, 58, -87, -71),
-        (31, -28, -10, -104, 92, -82, 56, -95, -71),
-        (33, -46, -12, -118, 85, -95, 54, -105, -72),
-        (34, -56, -14, -121.5, 74, -101, 53, -111, -72),
-        (36, -84, -20, -123, 42, -116, 53, -126, -73),
+        (21, 8, -8, -59.5, 95, -56, 65, -63, -75),
+        (23, -10, -8, -70.5, 98, -63, 63, -71, -73),
+        (25, -32, -8, -75, 94, -70, 61, -79, -72),
+        (27, -44, -8, -79.5, 97, -77, 59, -86, -71),
+        (29, -50, -9, -90, 89, -84, 57, -93, -71),
+        (31, -56, -10, -104, 92, -91, 55, -100, -71),
+        (33, -64, -12, -118, 85, -99, 54, -108, -72),
+        (34, -70, -14, -121.5, 74, -104, 53, -113, -72),
+        (36, -92, -20, -123, 42, -117, 53, -127, -73),
         (38, -122, -25, -146, 36, -136, 56, -143, -76),
         (41, -164, -26, -177, 32, -169, 72, -171, -82),
         (42, -182, -26, -189, 36, -185, 92, -186, -86),
@@ -287,8 +287,10 @@ def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
             u = x / 26
             line = -75.3 - 0.7 * np.exp(-((x / 5) ** 2)) + 0.7 * np.exp(-(((np.abs(x) - 12) / 6) ** 2)) - 0.8 * u**2
             near = 1 - _ramp(np.abs(x), 29, 44)
-        shift = [np.interp(-y, -p[:, 1], r) for y, p, r in zip(line, points, grid_row, strict=True)]
-        shift = (np.array(shift) - row) * near
+        # Under a bulging lip the height rises again for a few rows; the line takes the first row that comes so low.
+        depth = np.maximum.accumulate(-points[..., 1], axis=1) + 1e-6 * grid_row
+        shift = np.array([np.interp(-y, d, rows) for y, d in zip(line, depth, strict=True)])
+        shift = gaussian_filter1d((shift - row) * near, 5)
         result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1.1 - u**2, 0, 0.6))))
     return result
 
@@ -351,10 +353,10 @@ def _draw_in(column: Floats, row: Floats, side: int) -> tuple[Floats, Floats, Fl
     at, to_disk, _ = _nostril(side)
     disk = (np.stack([column, row], axis=1) - at) @ to_disk.T
     rho = np.linalg.norm(disk, axis=1)
-    # The pit takes the disk's inner 1.55, the rim lies at 1; beyond 2.4, short of the other nostril's, nothing moves.
-    knots = PchipInterpolator([0, 0.5, 1.1, 1.55, 1.9, 2.4, 2.6], [0, 0.6, 0.88, 1.03, 1.5, 2.4, 2.6])
+    # The pit takes the disk's inner 1.7, its wall stands at 1; beyond 2.4, short of the other nostril's, nothing moves.
+    knots = PchipInterpolator([0, 0.5, 1.0, 1.3, 1.6, 2.0, 2.4, 2.6], [0, 0.6, 0.84, 0.96, 1.17, 1.7, 2.4, 2.6])
     drawn = np.where(rho < 2.4, knots(np.minimum(rho, 2.5)), rho)
-    depth = 9 * (1 - _ramp(rho, 0, 1.6))
+    depth = 9 * (1 - _ramp(rho, 0, 1.7))
     scale = drawn / np.maximum(rho, 1e-9)
     moved = at + (disk * scale[:, None]) @ np.linalg.inv(to_disk).T
     near = rho < 2.4
@@ -453,15 +455,19 @@ def _ear(side: int) -> Floats:
     edge = (1 - (1 - free) * _ramp(f, 0.6, 1.0))[..., None]
     onto = ((1 - free) * _ramp(f, 0.1, 0.8))[..., None]
     front = plane(radius, np.zeros_like(radius))
-    front += onto * (_ear_ground(_ear_index(radius, angles), side) - front)
+    # Where the rim leaves the head its front keeps clear of the head behind it.
+    lift = (8 * _ramp(free, 0, 0.4))[:, None] * outward
+    ground = _ear_ground(_ear_index(radius, angles), side) + _ramp(f, 0.2, 0.8)[..., None] * lift
+    front += onto * (ground - front)
     rise = axes[2] + onto * (outward - axes[2])
     front += edge * (height[..., None] * rise - _hollow(a, b)[..., None] * outward)
 
     s = np.linspace(0, 1, 13)[1:, None]
     radius = rim + s * (crease - rim)
-    behind = plane(radius, height[-1] - 4.5 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
+    behind = plane(radius, height[-1] - 3.8 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
     onto = (1 - free * (1 - _ramp(s, 0.4, 1.0)))[..., None]
-    behind += onto * (_ear_ground(_ear_index(radius, angles), side) - behind)
+    ground = _ear_ground(_ear_index(radius, angles), side) + (1 - _ramp(s, 0, 0.8))[..., None] * lift
+    behind += onto * (ground - behind)
 
     t = np.linspace(0, 1, _EAR_GROUND + 1)[1:, None]
     return np.concatenate([front, behind, _ear_ground(_ear_apron(t, angles), side)])
