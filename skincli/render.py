@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -85,12 +85,23 @@ def render_frame(
     OutputError : a file cannot be written
     """
     png = target.path.suffix.lower() == ".png"
-    start = time.perf_counter()
+    display = png and "beauty" in outputs
     wanted = [name for name in outputs if not (png and name == "beauty")]
-    arrays = pipeline.run(wanted, display=png and "beauty" in outputs, timing=timing)
+    waits = timing and device_info()["software"]
+    before = COUNTERS.snapshot()
+    start = time.perf_counter()
+    arrays = pipeline.run(wanted, display=display, timing=timing and not waits)
     ms = (time.perf_counter() - start) * 1000
+    counted = COUNTERS.since(before)
     if check:
         require_finite(pipeline)
+    reports = pipeline.reports
+    if waits:
+        # To time a node on software GL is to wait for it, so that is done in a second run, apart from the frame's time.
+        pipeline.graph.store.clear()
+        pipeline.run(wanted, display=display, timing=True)
+        measured = {report.name: report.ms for report in pipeline.reports}
+        reports = [replace(report, ms=measured[report.name]) for report in reports]
     start_of_writing = time.perf_counter()
     for file, names in target.files(outputs).items():
         if png:
@@ -101,7 +112,8 @@ def render_frame(
         "output": str(target.path),
         "ms": round(ms, 3),
         "write_ms": round((time.perf_counter() - start_of_writing) * 1000, 3),
-        "nodes": [node_entry(report) for report in pipeline.reports],
+        "counters": counted,
+        "nodes": [node_entry(report) for report in reports],
     }
 
 
@@ -153,12 +165,11 @@ def node_entry(report: NodeReport) -> dict[str, Any]:
 
 
 def report_document(frames: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the report of a run: device, versions, memory, counters, frames."""
+    """Return the report of a run: device, versions, memory, frames."""
     return {
         "device": device_info(),
         "versions": {"skincli": skincli.__version__, **{name: version(name) for name in PACKAGES}},
         "peak_bytes": COUNTERS.peak_bytes,
-        "counters": COUNTERS.snapshot(),
         "frames": list(frames),
     }
 
@@ -168,13 +179,12 @@ def write_report(path: Path, frames: Sequence[Mapping[str, Any]]) -> None:
     images.write_text(path, json.dumps(report_document(frames), indent=1) + "\n")
 
 
-def explain(reports: Sequence[NodeReport]) -> str:
-    """Return a table of what became of each node."""
+def explain(frame: Mapping[str, Any]) -> str:
+    """Return a frame's entry of the report as a table of what became of each node."""
     rows = [("node", "state", "ms", "size", "key", "why")]
-    for report in reports:
-        ms = "" if report.ms is None else f"{report.ms:.1f}"
-        size = f"{report.size[0]}x{report.size[1]}"
-        rows.append((report.name, report.state, ms, size, report.key[:8], report.reason))
+    for node in frame["nodes"]:
+        ms = "" if node["ms"] is None else f"{node['ms']:.1f}"
+        rows.append((node["name"], node["state"], ms, "{}x{}".format(*node["size"]), node["key"][:8], node["reason"]))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     return "\n".join(
         "  ".join([*(cell.ljust(width) for cell, width in zip(row[:5], widths, strict=True)), row[5]]).rstrip()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from skincli.passes.atlas import AtlasValues
 from skincli.pipeline import Pipeline, frame_camera, load_scene_mesh
 from skincli.scene.model import Camera
 
-#: frames behind every median; few, because software OpenGL takes seconds for one
-WARM_FRAMES, ALL_FRAMES, PAPER_FRAMES = 7, 3, 3
+#: rounds behind every median; few, because software OpenGL takes seconds for a frame
+ROUNDS, PAPER_ROUNDS = 5, 3
 
 #: degrees by which the camera moves about its target from frame to frame
 STEP = 2.0
@@ -87,39 +88,47 @@ def frame_ms(pipeline: Pipeline, timing: bool = False) -> float:
     return (time.perf_counter() - start) * 1000
 
 
-@dataclass(frozen=True)
+@dataclass
 class Measured:
-    """Frames of one pipeline.
+    """Times of one pipeline in ms.
 
     Parameters
     ----------
-    frames : wall time of whole frames
-    nodes : time of each node that ran, from other frames, since measuring nodes holds up the frame
-    reports : of the last frame
+    frames : whole frames, one per round
+    nodes : each node that ran, from other frames, since measuring nodes holds up the frame
     """
 
-    frames: Spread
-    nodes: Mapping[str, Spread]
-    reports: Sequence[NodeReport]
+    frames: list[float] = field(default_factory=list)
+    nodes: dict[str, list[float]] = field(default_factory=dict)
+
+    def spread_of(self, node: str) -> dict[str, Any] | None:
+        """Return the JSON form of a node's times, None where it did not run."""
+        return asdict(Spread.of(self.nodes[node])) if node in self.nodes else None
+
+    def ratio_to(self, other: Measured) -> float:
+        """Return the median over the rounds of this pipeline's frame time over the other's in the same round."""
+        return round(float(np.median(np.divide(self.frames, other.frames))), 4)
 
 
-def measure(pipeline: Pipeline, count: int) -> Measured:
-    """Measure `count` frames, and the nodes in as many again, while the camera moves."""
-    motion = Motion(pipeline)
-    frames: list[float] = []
-    nodes: dict[str, list[float]] = {}
-    for _ in range(count):
-        motion.step()
-        frames.append(frame_ms(pipeline))
-    for _ in range(count):
-        motion.step()
-        frame_ms(pipeline, timing=True)
-        for report in pipeline.reports:
-            if report.ms is not None:
-                nodes.setdefault(report.name, []).append(report.ms)
-    return Measured(
-        Spread.of(frames), {name: Spread.of(times) for name, times in nodes.items()}, tuple(pipeline.reports)
-    )
+def measure(pipelines: Sequence[Pipeline], rounds: int) -> list[Measured]:
+    """Measure frames, and the nodes in as many again, while the camera moves.
+
+    The pipelines take turns, so that a machine that others use slows all of them alike.
+    """
+    motions = [Motion(pipeline) for pipeline in pipelines]
+    results = [Measured() for _ in pipelines]
+    for timing in (False, True):
+        for _ in range(rounds):
+            for pipeline, motion, result in zip(pipelines, motions, results, strict=True):
+                motion.step()
+                ms = frame_ms(pipeline, timing)
+                if not timing:
+                    result.frames.append(ms)
+                    continue
+                for report in pipeline.reports:
+                    if report.ms is not None:
+                        result.nodes.setdefault(report.name, []).append(report.ms)
+    return results
 
 
 def least_bytes(node: Node, nodes: Mapping[str, Node], reports: Mapping[str, NodeReport]) -> int:
@@ -156,7 +165,7 @@ def time_scene() -> tuple[dict[str, Any], list[dict[str, Any]]]:
     Returns
     -------
     frames : "cold" (first frame of the process), "warm" (the camera moves), "all" (--no-skip), "paper" (--no-skip in
-        `shading: paper`), and the ratios of the medians of warm and all to paper
+        `shading: paper`), and the ratios of warm and all to paper
     nodes : per node the same, with size, megatexels drawn and the least bytes moved with --no-skip
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -166,28 +175,24 @@ def time_scene() -> tuple[dict[str, Any], list[dict[str, Any]]]:
         # The very first frame compiles: it cannot be repeated, so its nodes are measured in it.
         cold = frame_ms(lazy, timing=True)
         cold_nodes = {report.name: report.ms for report in lazy.reports if report.ms is not None}
-        warm = measure(lazy, WARM_FRAMES)
-        lazy.graph.store.clear()
-        eager = Pipeline(loaded, mesh, skip=False)
-        frame_ms(eager)
-        everything = measure(eager, ALL_FRAMES)
-        eager.graph.store.clear()
         paper_loaded = load(Path(folder), TIMED_SCENE, *TIMED_SETS, "render.shading=paper")
-        paper_pipeline = Pipeline(paper_loaded, mesh, skip=False)
-        frame_ms(paper_pipeline)
-        paper = measure(paper_pipeline, ALL_FRAMES)
-        paper_pipeline.graph.store.clear()
+        eager, paper_eager = Pipeline(loaded, mesh, skip=False), Pipeline(paper_loaded, mesh, skip=False)
+        for pipeline in (eager, paper_eager):
+            frame_ms(pipeline)
+        pipelines = (lazy, eager, paper_eager)
+        warm, everything, paper = measure(pipelines, ROUNDS)
+    size = loaded.scene.render.size
     frames = {
-        "scene": f"head of {len(mesh.faces)} triangles, {loaded.scene.render.size[0]}x{loaded.scene.render.size[1]}, "
-        f"{lazy.samples}x{lazy.samples} samples, atlas {lazy.atlas_size[0]}",
+        "scene": f"head of {len(mesh.faces)} triangles, {size[0]}x{size[1]}, {lazy.samples}x{lazy.samples} samples, "
+        f"atlas {lazy.atlas_size[0]}",
         "cold_ms": round(cold, 3),
-        "warm": asdict(warm.frames),
-        "all": asdict(everything.frames),
-        "paper": asdict(paper.frames),
-        "warm_to_paper": round(warm.frames.median / paper.frames.median, 4),
-        "all_to_paper": round(everything.frames.median / paper.frames.median, 4),
+        "warm": asdict(Spread.of(warm.frames)),
+        "all": asdict(Spread.of(everything.frames)),
+        "paper": asdict(Spread.of(paper.frames)),
+        "warm_to_paper": warm.ratio_to(paper),
+        "all_to_paper": everything.ratio_to(paper),
     }
-    reports = {report.name: report for report in everything.reports}
+    reports = {report.name: report for report in eager.reports}
     rows = []
     for name, node in eager.graph.nodes.items():
         drawn = _area(reports[name]) * max(len(_draws_over_all(node)), 1)
@@ -198,16 +203,14 @@ def time_scene() -> tuple[dict[str, Any], list[dict[str, Any]]]:
                 "megatexels": round(drawn / 1e6, 4),
                 "least_bytes": least_bytes(node, eager.graph.nodes, reports),
                 "cold_ms": cold_nodes.get(name),
-                "warm": _entry(warm.nodes.get(name)),
-                "all": _entry(everything.nodes[name]),
-                "paper": _entry(paper.nodes.get(name)),
+                "warm": warm.spread_of(name),
+                "all": everything.spread_of(name),
+                "paper": paper.spread_of(name),
             }
         )
+    for pipeline in pipelines:
+        pipeline.graph.store.clear()
     return frames, rows
-
-
-def _entry(spread: Spread | None) -> dict[str, Any] | None:
-    return None if spread is None else asdict(spread)
 
 
 def time_paper_table() -> list[dict[str, Any]]:
@@ -218,6 +221,7 @@ def time_paper_table() -> list[dict[str, Any]]:
     """
     rows = []
     store = Store(PAPER_MEMO)
+    numbers = itertools.count(1)  # never the same twice: the rows share the memo
     with tempfile.TemporaryDirectory() as folder:
         for (detail, size), paper_fps in PAPER_TABLE.items():
             loaded = load(Path(folder), PAPER_SCENE, f"mesh.detail={detail}", f"render.size=[{size[0]}, {size[1]}]")
@@ -226,12 +230,11 @@ def time_paper_table() -> list[dict[str, Any]]:
             motion = Motion(pipeline)
             frame_ms(pipeline)
             camera, full = [], []
-            for _ in range(PAPER_FRAMES):
+            for _ in range(PAPER_ROUNDS):
                 motion.step()
                 camera.append(frame_ms(pipeline))
-            for number in range(PAPER_FRAMES):
                 motion.step()
-                _renew_atlas(pipeline, number + 1)
+                _renew_atlas(pipeline, next(numbers))
                 full.append(frame_ms(pipeline))
             times = Spread.of(full), Spread.of(camera)
             rows.append(
@@ -251,11 +254,11 @@ def time_paper_table() -> list[dict[str, Any]]:
     return rows
 
 
-def _renew_atlas(pipeline: Pipeline, frame: int) -> None:
-    """Change the bumps by a millionth, after which everything in texture space has to be computed again."""
+def _renew_atlas(pipeline: Pipeline, number: int) -> None:
+    """Change the bumps by `number` millionths, after which everything in texture space has to be computed again."""
     atlas = pipeline.graph.nodes["atlas"]
     assert isinstance(atlas, Pass)
-    factor = 1 + 1e-6 * frame
+    factor = 1 + 1e-6 * number
     draws = []
     for draw in atlas.draws:
         assert isinstance(draw.values, AtlasValues)

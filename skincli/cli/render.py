@@ -60,4 +60,4 @@ def command(
     if report is not None:
         render.write_report(report, [frame])
     if explain:
-        click.echo(render.explain(pipeline.reports))
+        click.echo(render.explain(frame))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 
@@ -28,6 +29,11 @@ class Counters:
         """Note `count` bytes of new texture memory (negative when freed)."""
         self.bytes_live += count
         self.peak_bytes = max(self.peak_bytes, self.bytes_live)
+
+    def since(self, before: Mapping[str, int]) -> dict[str, int]:
+        """Return how much was counted since a snapshot; the two totals of live memory are left out."""
+        now = self.snapshot()
+        return {name: now[name] - before[name] for name in now if name not in ("bytes_live", "peak_bytes")}
 
     def snapshot(self) -> dict[str, int]:
         """Return the totals as a plain mapping."""

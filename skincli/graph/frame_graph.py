@@ -6,8 +6,8 @@ Vocabulary and idea of culling by what is read: Filament's FrameGraph; content k
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -80,6 +80,7 @@ class FrameGraph:
         self.store = store or Store()
         self.skip = skip
         self._ran: dict[str, NodeReport] = {}
+        self._clocks: dict[str, Callable[[], float]] = {}
         self._wanted: set[Source] = set()
         self._keys: dict[Ref, str] = {}
         self._dirty: set[str] = set()
@@ -223,10 +224,12 @@ class FrameGraph:
 
         missing = self._missing(wanted_targets)
         pins = self._pins(missing, targets)
-        self._ran = {}
+        self._ran, self._clocks = {}, {}
         for position, (step, outputs) in enumerate(missing):
-            ms = self._execute(step, outputs, timing)
-            self._ran[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step), ms)
+            clock = self._execute(step, outputs, timing)
+            self._ran[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step))
+            if clock is not None:
+                self._clocks[step.node.name] = clock
             self.store.evict({key for key, last in pins.items() if last > position})
         results = {}
         for target in targets:
@@ -266,7 +269,7 @@ class FrameGraph:
                 pins[self._keys[source]] = len(missing) + 1
         return pins
 
-    def _execute(self, step: _Step, outputs: tuple[str, ...], timing: bool) -> float | None:
+    def _execute(self, step: _Step, outputs: tuple[str, ...], timing: bool) -> Callable[[], float] | None:
         if timing:
             return timed(lambda: self._draw(step, outputs))
         self._draw(step, outputs)
@@ -318,15 +321,13 @@ class FrameGraph:
 
     # -- account -------------------------------------------------------------------------------------------------
 
-    def _report(
-        self, step: _Step, outputs: Sequence[str], state: str, reason: str, ms: float | None = None
-    ) -> NodeReport:
+    def _report(self, step: _Step, outputs: Sequence[str], state: str, reason: str) -> NodeReport:
         key = "".join(step.keys[output] for output in outputs)
         if len(outputs) > 1:
             key = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
         held = [self.store.get(step.keys[output]) for output in outputs if step.keys[output] in self.store]
         size = held[0].size if held else step.node.size
-        return NodeReport(step.node.name, state, reason, size, ms, key, sum(texture.bytes for texture in held))
+        return NodeReport(step.node.name, state, reason, size, None, key, sum(texture.bytes for texture in held))
 
     def _why_ran(self, step: _Step) -> str:
         return "first asked for, or something it reads has changed" if self.skip else "nothing is skipped"
@@ -338,7 +339,8 @@ class FrameGraph:
         reports = []
         for node in self.nodes.values():
             if node.name in self._ran:
-                reports.append(self._ran[node.name])
+                clock = self._clocks.get(node.name)
+                reports.append(replace(self._ran[node.name], ms=clock() if clock else None))
                 continue
             step = steps.get(node.name)
             if step is not None and any(Ref(node.name, output) in self._wanted for output in step.outputs):

@@ -95,7 +95,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         timing, "PAPER_SCENE", timing.PAPER_SCENE.replace("shading: paper", "shading: paper, atlas: 64")
     )
     monkeypatch.setattr(timing, "PAPER_SCENE", timing.PAPER_SCENE.replace("octopus", plain))
-    for name in ("WARM_FRAMES", "ALL_FRAMES", "PAPER_FRAMES"):
+    for name in ("ROUNDS", "PAPER_ROUNDS"):
         monkeypatch.setattr(timing, name, 2)
 
 

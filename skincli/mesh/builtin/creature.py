@@ -15,19 +15,18 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, RectBivariateSpline
-from scipy.ndimage import binary_dilation, gaussian_filter1d
-from scipy.signal import fftconvolve
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 
 from skincli.errors import InputError
-from skincli.mesh.builtin.flatten import relax
+from skincli.mesh.builtin.flatten import pack, relax
 from skincli.mesh.model import Mesh, Part
 
 Array = NDArray[np.float64]
 
 
-# ---------------------------------------------------------------------------------------------------------------- field
+# ---- field -----------------------------------------------------------------------------------------------------------
 
 
 def _smoothstep(a: float, b: float, x: Array) -> Array:
@@ -123,7 +122,7 @@ def _bust(points: Array) -> Array:
     return d
 
 
-# -------------------------------------------------------------------------------------------------------------- tentacles
+# ---- tentacles -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -191,6 +190,7 @@ def _across(v: Array, t: Array) -> Array:
 
 
 def _table(name: str) -> Array:
+    """One property of all tentacles, (n,) or (n, k)."""
     return np.array([getattr(arm, name) for arm in _ARMS], dtype=float)
 
 
@@ -290,16 +290,17 @@ def _separate(line: Array, thickness: Array) -> Array:
     return line
 
 
-# ------------------------------------------------------------------------------------------------------------------ body
+# ---- body ------------------------------------------------------------------------------------------------------------
 
-_HEAD = np.array([0.0, 24.0, -22.0])
+_HEAD = np.array([0.0, 24.0, -22.0])  # from where the rays of the head fan out, mm
+_CAP = 0.45  # parameter s up to which they do so; below, they come from an axis
 
 
 def _rays(s: Array, theta: Array) -> tuple[Array, Array]:
     """Ray of the body's parameters: s from 0 at the crown's pole to 1 under the base, theta in radians, 0 in front."""
     s = np.asarray(s, float)
-    polar = np.minimum(s / 0.45, 1.0)
-    elevation = np.pi / 2 * (1.0 - polar) - 0.2 * _smoothstep(0.45, 0.6, s)
+    polar = np.minimum(s / _CAP, 1.0)
+    elevation = np.pi / 2 * (1.0 - polar) - 0.2 * _smoothstep(_CAP, 0.6, s)
     elevation = elevation + 0.3 * _smoothstep(0.58, 0.88, s) - 0.46 * _smoothstep(0.88, 1.0, s)
     # The pole leans back, out of the front view.
     lean = np.radians(52.0) * (1.0 - _smoothstep(0.0, 0.5, s))
@@ -307,12 +308,13 @@ def _rays(s: Array, theta: Array) -> tuple[Array, Array]:
     y = np.sin(elevation)
     z = np.cos(elevation) * np.cos(theta)
     direction = np.stack([x, y * np.cos(lean) + z * np.sin(lean), z * np.cos(lean) - y * np.sin(lean)], axis=-1)
-    down = np.clip((s - 0.45) / 0.55, 0.0, 1.0)
+    down = np.clip((s - _CAP) / (1.0 - _CAP), 0.0, 1.0)
     origin = _HEAD + np.stack([0 * s, -174.0 * down**1.1, 12.0 * down], axis=-1)
     return origin, direction
 
 
 def _body_points(field: Callable[[Array], Array], s: Array, theta: Array) -> Array:
+    """Where rays first meet the zero set of `field`, coming from outside, (n, 3) mm."""
     origin, direction = _rays(s, theta)
     t = np.full(len(s), 190.0)
     active = np.arange(len(s))
@@ -395,7 +397,7 @@ def _relief(p: Array) -> Array:
     # Frown lines.
     mask = np.exp(-(((y - 68) / 15) ** 4)) * front
     h += 2.4 * mask * _groove(m - 7.5 - 0.1 * (y - 66), 4.2)
-    # Lids: an almond sunk between a heavy upper and a thin lower rim, low at the nose; a flat pupil; the upper lid's crease.
+    # Lids: an almond sunk between a heavy upper and a thin lower rim, low at the nose; a flat pupil; the lid's crease.
     along = (m - 37.0) / 19.5
     arch = np.clip(1.0 - along**2, 0.0, None)
     rise = y - 37.5 - 2.6 * along
@@ -446,7 +448,7 @@ def _skin(points: Array) -> Array:
     return _flesh(points) - _relief(points)
 
 
-# ---------------------------------------------------------------------------------------------------------------- sampling
+# ---- sampling --------------------------------------------------------------------------------------------------------
 
 
 def _delaunay(points: Array) -> NDArray[np.int64]:
@@ -550,9 +552,8 @@ class _Tube:
         position = self._point(arc, angle)
         da, dt = 0.02, 0.002
         inner = np.minimum(arc, self.length - 1e-3)
-        along = self._point(np.minimum(arc + da, self.length - 1e-3), angle) - self._point(
-            np.maximum(arc - da, 0), angle
-        )
+        along = self._point(inner, angle) - self._point(np.maximum(inner - da, 0.0), angle)
+        along += self._point(np.minimum(inner + da, self.length - 1e-3), angle) - self._point(inner, angle)
         across = self._point(inner, angle + dt) - self._point(inner, angle - dt)
         normal = _unit(np.cross(along, across))
         normal[np.isnan(params[:, 1])] = _unit(self.line(self.length, 1))
@@ -567,11 +568,6 @@ class _Tube:
         """The strip it unrolls to, (n, 2) mm."""
         arc, angle = params[:, 0], np.nan_to_num(params[:, 1])
         return np.stack([arc, (angle - self.cut - np.pi) * self.radius(arc)], axis=1)
-
-    def grid(self) -> Array:
-        """Parameters that cover the surface evenly."""
-        around = self.cut + np.linspace(0.0, 2 * np.pi, 61)
-        return np.stack([g.ravel() for g in np.meshgrid(np.linspace(0.0, self.length, 200), around)], axis=1)
 
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles. Each sucker has rings of its own, so that few vertices make it round."""
@@ -594,7 +590,7 @@ class _Tube:
         root = np.linspace(0.0, rows[0], 2 + 2 * level, endpoint=False)
         tail = np.linspace(rows[-1], self.cap, 2 + round((self.cap - rows[-1]) / (6.0 - 2.8 * level)))[1:]
         end = self.cap + (self.length - self.cap) * np.sin(np.radians((30, 60) if level else (45,)))
-        bare = np.linspace(0.0, np.pi, 5 + 3 * level)
+        bare = np.linspace(0.0, np.pi, 4 + 4 * level)
         back = np.linspace(1.5, np.pi, 3 + level)
         edge = self.cut + np.array([0.0, 2 * np.pi])
         for row in np.concatenate([root, rows, tail, end]):
@@ -619,7 +615,11 @@ def _settle(field: Callable[[Array], Array], points: Array, direction: Array) ->
     return points
 
 
-_BODY_SCALE = np.array([620.0, 82.0])  # mm that s and theta are worth over the face, where triangles matter most
+def _conformal(params: Array) -> tuple[Array, Array]:
+    """The body's parameters so stretched that angles are about right in space, and the mm one unit is worth there."""
+    s = np.minimum(params[:, 0], _CAP)
+    along = (2 * _CAP / np.pi) * np.log(np.tan(np.pi / 4 * s / _CAP)) + params[:, 0] - s
+    return np.stack([4.1 * along, params[:, 1]], axis=1), 82.0 * np.sin(np.pi / 2 * s / _CAP)
 
 
 class _Body:
@@ -647,12 +647,6 @@ class _Body:
         """The flattened skin, (n, 2) mm."""
         return np.stack([spline.ev(params[:, 0], np.nan_to_num(params[:, 1])) for spline in self._chart], axis=-1)
 
-    def grid(self) -> Array:
-        """Parameters that cover the surface evenly."""
-        return np.stack(
-            [g.ravel() for g in np.meshgrid(np.linspace(0, 1, 400), np.linspace(-np.pi, np.pi, 500))], axis=1
-        )
-
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
         dense = np.linspace(0.0, 1.0, 4001)
@@ -671,12 +665,15 @@ class _Body:
         position, normal = self.surface(params)
         # Then, a few times, new points in the middle of those edges over which the surface turns most.
         for _ in range(3):
-            i, j = _edges(_delaunay(params * _BODY_SCALE))[0].T
-            apart = np.linalg.norm((params[i] - params[j]) * _BODY_SCALE, axis=1)
+            flat, scale = _conformal(params)
+            i, j = _edges(_delaunay(flat))[0].T
+            apart = np.linalg.norm(flat[i] - flat[j], axis=1) * scale[i]
             turn = np.linalg.norm(normal[i] - normal[j], axis=1) * np.maximum(apart - 0.6 / (1 + level), 0.0)
             # The gaze is worth more than what the beard hides.
             x, y, z = position[i].T
-            turn *= np.where((np.hypot(np.abs(x) - 37.0, y - 38.0) < 26.0) & (z > 30.0), 4.0, np.where(y < -40.0, 0.4, 1.0))
+            turn *= np.where(
+                (np.hypot(np.abs(x) - 37.0, y - 38.0) < 26.0) & (z > 30.0), 4.0, np.where(y < -40.0, 0.4, 1.0)
+            )
             # Both sides of the cut must stay alike.
             turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
             worst = np.sort(np.argsort(-turn, kind="stable")[: 170 * 4**level])
@@ -684,7 +681,7 @@ class _Body:
             more = self.surface(middle)
             params = np.concatenate([params, middle])
             position, normal = np.concatenate([position, more[0]]), np.concatenate([normal, more[1]])
-        return _with_pole(params, _delaunay(params * _BODY_SCALE), 0, 0.0)
+        return _with_pole(params, _delaunay(_conformal(params)[0]), 0, 0.0)
 
 
 def _flatten_grid(points: Array, theta: Array) -> Array:
@@ -712,66 +709,25 @@ def _flatten_grid(points: Array, theta: Array) -> Array:
     return flat[index]
 
 
-_CELL = 2.5  # raster on which charts are packed, mm
+_MARGIN = 3.0  # free border round each chart, mm
 
 
-def _pack(outlines: list[Array], charts: list[Array]) -> Array:
-    """Lay charts into the unit square at one scale.
+def _layout(shapes: tuple[_Body | _Tube, ...]) -> list[Array]:
+    """Where each chart lies in the unit square: for each shape the (3, 2) matrix that takes (u, v, 1), u and v in mm.
 
-    Parameters
-    ----------
-    outlines : dense samples of each chart, (n, 2) mm, the same for all levels of detail, so that the layout is too
-    charts : what to lay out, (n, 2) mm
-
-    Returns
-    -------
-    all charts in [0, 1], one after the other
+    The coarsest level decides for all, so that a texture made for one level fits the others.
     """
-    turns = [np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter) for quarter in range(4)]
-    masks: list[list[tuple[NDArray[np.bool_], Array]]] = []
-    for points in outlines:
-        options = []
-        for turn in turns:
-            p = points @ turn
-            low = p.min(axis=0) - 1.5 * _CELL
-            cell = ((p - low) / _CELL).astype(int)
-            mask = np.zeros(cell.max(axis=0) + 2, dtype=bool)
-            mask[cell[:, 0], cell[:, 1]] = True
-            options.append((binary_dilation(mask, np.ones((3, 3), bool)), low))
-        masks.append(options)
-    order = sorted(range(len(masks)), key=lambda k: -int(masks[k][0][0].sum()))
-    cells = int(np.sqrt(sum(option[0][0].sum() for option in masks) / 0.84))
-    while (placements := _place([masks[k] for k in order], cells)) is None:
-        cells = int(cells * 1.02) + 1
-    laid = {
-        k: (charts[k] @ turns[quarter] + corner * _CELL - masks[k][quarter][1]) / (cells * _CELL)
-        for k, (quarter, corner) in zip(order, placements, strict=True)
-    }
-    return np.concatenate([laid[k] for k in range(len(charts))])
+    coarse = [shape.samples(0) for shape in shapes]
+    charts = [shape.chart(params) for shape, (params, _) in zip(shapes, coarse, strict=True)]
+    first = np.cumsum([0, *map(len, charts)])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(coarse, first[:-1], strict=True)])
+    packed = np.split(pack(np.concatenate(charts), faces, _MARGIN), first[1:-1])
+    places: list[Array] = [np.linalg.lstsq(_with_one(c), p)[0] for c, p in zip(charts, packed, strict=True)]
+    return places
 
 
-def _place(masks: list[list[tuple[NDArray[np.bool_], Array]]], cells: int) -> list[tuple[int, Array]] | None:
-    """Greedy packing: each chart goes, in one of four turns, where it stays lowest; None when one does not fit."""
-    taken = np.zeros((cells, cells))
-    placements = []
-    for options in masks:
-        best = None
-        for quarter, (mask, _) in enumerate(options):
-            if mask.shape[0] > cells or mask.shape[1] > cells:
-                continue
-            free = np.argwhere(fftconvolve(taken, mask[::-1, ::-1], mode="valid") < 0.5)
-            if len(free):
-                cost = free[:, 1] + mask.shape[1] + 0.02 * free[:, 0]
-                k = int(np.argmin(cost))
-                if best is None or cost[k] < best[0]:
-                    best = (cost[k], quarter, free[k])
-        if best is None:
-            return None
-        _, quarter, corner = best
-        mask = options[quarter][0]
-        taken[corner[0] : corner[0] + mask.shape[0], corner[1] : corner[1] + mask.shape[1]] += mask
-        placements.append((quarter, corner.astype(float)))
-    return placements
+def _with_one(points: Array) -> Array:
+    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
 _LEVELS = ("16k", "65k", "259k")
@@ -800,7 +756,7 @@ def creature(detail: str = "65k") -> Mesh:
     """
     if detail not in _LEVELS:
         raise InputError(
-            f"the creature has no detail {detail!r}; it has {', '.join(_LEVELS)}; write one of these or leave detail out"
+            f"the creature has no detail {detail!r}; allowed are {', '.join(_LEVELS)}; write one of these or none"
         )
     level = _LEVELS.index(detail)
     shapes = _shapes()
@@ -811,15 +767,15 @@ def creature(detail: str = "65k") -> Mesh:
             params, faces = _halve(params, faces)
         position, normal = shape.surface(params)
         pieces.append((position, normal, shape.chart(params), faces))
-    uv = _pack([shape.chart(shape.grid()) for shape in shapes], [piece[2] for piece in pieces])
+    uv = np.concatenate([_with_one(piece[2]) @ place for piece, place in zip(pieces, _layout(shapes), strict=True)])
     first = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
-    faces = np.concatenate([piece[3] + start for piece, start in zip(pieces, first[:-1], strict=True)]).astype(np.int32)
+    triangles = np.concatenate([piece[3] + start for piece, start in zip(pieces, first[:-1], strict=True)])
     body = len(pieces[0][3])
     return Mesh(
         positions=np.concatenate([piece[0] for piece in pieces]),
         normals=np.concatenate([piece[1] for piece in pieces]),
         uv=uv,
         atlas_uv=uv,
-        faces=faces,
-        parts=(Part("body", 0, body), Part("tentacles", body, len(faces))),
+        faces=triangles.astype(np.int32),
+        parts=(Part("body", 0, body), Part("tentacles", body, len(triangles))),
     )

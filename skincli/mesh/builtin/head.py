@@ -93,7 +93,7 @@ def _rope(p: Floats, *nodes: tuple[float, float, float, float]) -> Floats:
     """Distance to a rope through nodes (x, y, z, radius); farther than any joint is wide, a lower bound is enough."""
     table = _curve(nodes)
     result = _bound(p, table) - table[:, 3].max()
-    near = result < 70
+    near = result < 110
     squared, radius = _nearest(p[near], table)
     result[near] = np.sqrt(squared) - radius[:, 0]
     return result
@@ -126,12 +126,12 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _rope(m, (56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)), 26)
     f = _blend(f, _ellipsoid(p, (0, -98, 38), (26, 18, 38)), 16)
     f = _blend(f, _ellipsoid(m, (29, -64, 42), (19, 28, 28)), 20)
-    f = _blend(f, _ellipsoid(m, (38, -54, 30), (18, 36, 28)), 22)
+    f = _blend(f, _ellipsoid(m, (41, -50, 26), (19, 36, 30)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
     f = _blend(f, _ellipsoid(p, (0, -74, 62), (35, 30, 27)), 20)
     # Neck and shoulders.
     neck = _rope(p, (0, -40, -25, 47), (0, -200, -33, 54))
-    neck = _blend(neck, _rope(m, (22, -28, -54, 20), (30, -190, -54, 21)), 30)
+    neck = _blend(neck, _rope(m, (22, -28, -49, 20), (30, -190, -56, 21)), 44)
     neck = _blend(neck, _rope(m, (16, -128, -40, 22), (98, -200, -36, 22)), 40)
     neck = _blend(neck, _rope(m, (59, -40, -24, 8), (13, -186, 22, 9)), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
@@ -161,6 +161,7 @@ def _solid(points: Floats) -> Floats:
     f += _stroke(m, 1.8, 0.5, (0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82))
     f += _stroke(m, 5, -1.0, (19, -44, 88), (28, -62, 80), (32, -76, 74))
     f += _stroke(m, 2.4, -0.8, (22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65))
+    f += _stroke(m, 3.5, 0.7, (12, 17, 90), (26, 22, 85), (40, 21, 76), (50, 15, 64))
     f += _stroke(m, 20, -1.5, (60, 22, 46), (62, 30, 44))
     return -_blend(-f, points[:, 1] + 206, 16)
 
@@ -177,13 +178,13 @@ _COLUMN = PchipInterpolator(  # column -> angle round the axis in degrees, 0 at 
 
 _ROWS = np.array(
     [  # row, axis (y, z), then where the row's rays aim at: front (y, z), side (y, x), back (y, z)
-        (0, 15, -8, 98, 50, 98, 52, 94, -74),
-        (2, 15, -8, 56, 82, 62, 72, 64, -98),
-        (4, 15, -8, 18, 91, 28, 76, 32, -104),
-        (7, 15, -8, -1.5, 80, 13, 75, 14, -103),
-        (9, 15, -8, -7.5, 80, 3, 75, 2, -102),
-        (11, 15, -8, -12.5, 80, -7, 74, -8, -98),
-        (20, 15, -8, -54, 97, -52, 66, -58, -76),
+        (0, 15, -8, 98, 50, 98, 52, 98, -68),
+        (2, 15, -8, 56, 82, 62, 72, 80, -88),
+        (4, 15, -8, 18, 91, 28, 76, 57, -99),
+        (7, 5, -8, -1.5, 80, 13, 75, 22, -105),
+        (9, 4, -8, -7.5, 80, 3, 75, 2, -104),
+        (11, 5, -8, -12.5, 80, -7, 74, -14, -98),
+        (20, 13, -8, -54, 97, -52, 66, -58, -76),
         (21, 8, -8, -59.5, 95, -56, 65, -63, -75),
         (23, -10, -8, -70.5, 98, -63, 63, -71, -73),
         (25, -32, -8, -75, 94, -70, 61, -79, -72),
@@ -291,7 +292,7 @@ def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
         depth = np.maximum.accumulate(-points[..., 1], axis=1) + 1e-6 * grid_row
         shift = np.array([np.interp(-y, d, rows) for y, d in zip(line, depth, strict=True)])
         shift = gaussian_filter1d((shift - row) * near, 5)
-        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1.1 - u**2, 0, 0.6))))
+        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1.15 - u**2, 0, 0.9))))
     return result
 
 
@@ -318,7 +319,7 @@ def _fold(
     wide = openness(column)
     gap = 0.06 * np.clip(s / 0.12, 0, 1)
     lateral = gap + (1 - 0.06) * np.clip((s - 0.4) / 0.6, 0, 1) ** 1.7
-    lateral = s + (lateral - s) * wide
+    lateral = s + (lateral - s) * wide**0.4
     inward = depth * np.clip(1 - s, 0, 1) ** 2.5 * wide
     return center + np.sign(beta) * lateral * _BAND, inward
 
@@ -371,7 +372,7 @@ _EAR_COLUMN, _EAR_ROW, _EAR_HALF = 20.0, 12.0, 8.0
 _EAR_GROUND = 7  # how many of the rings lie on the head
 _EAR_END = 0.88  # where the sculpted rings end and the head begins, as a part of the square's half side
 _OUTLINE = (  # angle in degrees (0 rear, 90 up), radius of the rim in mm
-    (-180, 9), (-150, 9.5), (-125, 14), (-105, 23), (-90, 27.5), (-70, 27.5), (-45, 24), (-20, 23), (0, 24), (30, 28),
+    (-180, 9), (-150, 9.5), (-125, 15.5), (-105, 24.5), (-90, 28), (-70, 27.5), (-45, 24), (-20, 23), (0, 24), (30, 28),
     (60, 33), (80, 34.5), (100, 32.5), (120, 27), (145, 18), (180, 9),
 )  # fmt: skip
 
@@ -395,7 +396,7 @@ def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
     h += _ridge(a, b, 3.2, 3.2, (4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22))
     h += _ridge(a, b, 2.6, 2.4, (11, 9), (5, 12.5), (-2, 14))
     h += _ridge(a, b, 2.6, 4.0, (4, 2), (-3, 4.5), (-8, 9))
-    h += _ridge(a, b, 3.4, 5.0, (-7, 2), (-6.5, -4))
+    h += _ridge(a, b, 3.4, 5.0, (-6, 1.5), (-5.5, -4.5))
     h += _ridge(a, b, 3.4, 2.0, (4, -14.5))
     h += _ridge(a, b, 7, 1.6, (2, -22))
     return h
@@ -425,7 +426,7 @@ def _ear_ground(offset: Floats, side: int) -> Floats:
 
 def _hollow(a: Floats, b: Floats) -> Floats:
     """Depth in mm of the concha and the canal's mouth."""
-    bowl = np.hypot((a - 3) / 8.5, (b + 1.5) / 11)
+    bowl = np.hypot((a - 4) / 8, (b + 1.5) / 11)
     return 8.5 / (1 + bowl**6) + _ridge(a, b, 3.6, 4.0, (-1.5, -0.5))
 
 
@@ -456,7 +457,7 @@ def _ear(side: int) -> Floats:
     onto = ((1 - free) * _ramp(f, 0.1, 0.8))[..., None]
     front = plane(radius, np.zeros_like(radius))
     # Where the rim leaves the head its front keeps clear of the head behind it.
-    lift = (8 * _ramp(free, 0, 0.4))[:, None] * outward
+    lift = (8 * _ramp(free, 0.05, 0.5) * _ramp(sin, -0.3, 0.6))[:, None] * outward
     ground = _ear_ground(_ear_index(radius, angles), side) + _ramp(f, 0.2, 0.8)[..., None] * lift
     front += onto * (ground - front)
     rise = axes[2] + onto * (outward - axes[2])
@@ -568,7 +569,7 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
     depth = np.zeros((len(row), 3))
     for center, _, openness in _folds():
         band = (np.abs(row - center) < _BAND) & (np.abs(column) < 20)
-        row[band], inward = _fold(column[band], row[band], center, openness, 4.5 if center == _LIPS else 3.5)
+        row[band], inward = _fold(column[band], row[band], center, openness, 6.0 if center == _LIPS else 3.5)
         depth[band, 0] += inward
     for side in (-1, 1):
         column, row, pit = _draw_in(column, row, side)
