@@ -63,7 +63,7 @@ FAULTS = [
     ("passes/reflection.frag", "p.damping)", "0.0)", "paper", {"reflection"}),
     ("passes/compose.frag", "p.tint_highlights)", "1.0 - p.tint_highlights)", "physical", {"Equation 2"}),
     ("passes/compose.frag", "left_skin * open * color", "left_skin * color", "paper", {"Equation 2"}),
-    ("lib/tone.glsl", "color -= offset;", "", "paper", {"display"}),
+    ("passes/display.frag", " * p.gain", "", "paper", {"display"}),
 ]
 
 

@@ -227,21 +227,28 @@ def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
     start = np.stack([np.zeros_like(oy), oy, oz], axis=1)
     ray = np.stack([np.sin(angle) * sin, np.cos(angle), np.sin(angle) * cos], axis=1)
     reach = 0.8 * reach
-    # March outward, then secant steps between a point inside and one outside; only unfinished rays go on.
+    # Secant steps, kept between the farthest point known inside and the nearest outside; only unfinished rays go on.
     todo = np.arange(len(reach))
     inside, outside = np.zeros_like(reach), np.full_like(reach, np.inf)
-    value = np.full_like(reach, -np.inf)
-    for _ in range(60):
+    before, slope = np.zeros_like(reach), np.full_like(reach, 0.8)
+    step = np.zeros_like(reach)
+    for turn in range(60):
         value = _solid(start[todo] + reach[todo, None] * ray[todo])
         within = value < 0
         inside[todo[within]], outside[todo[~within]] = reach[todo[within]], reach[todo[~within]]
-        todo, value = todo[np.abs(value) > 1e-5], value[np.abs(value) > 1e-5]
+        if turn:
+            slope[todo] = np.clip((value - before[todo]) / step[todo], 0.3, 1.2)
+        before[todo] = value
+        todo = todo[np.abs(value) > 1e-5]
         if not len(todo):
             break
-        ahead = reach[todo] - np.clip(value / 0.8, -9, 9)
         low, high = inside[todo], outside[todo]
-        middle = np.where(np.isfinite(high), (low + np.where(np.isfinite(high), high, 0)) / 2, ahead)
-        reach[todo] = np.where((ahead > low) & (ahead < high), ahead, middle)
+        ahead = reach[todo] - np.clip(before[todo] / slope[todo], -9, 9)
+        bracketed = np.isfinite(high)
+        middle = (low + np.where(bracketed, high, low)) / 2
+        ahead = np.where(bracketed & ((ahead <= low) | (ahead >= high)), middle, ahead)
+        step[todo] = ahead - reach[todo]
+        reach[todo] = ahead
     return start + reach[:, None] * ray
 
 
@@ -457,7 +464,7 @@ def _ear(side: int) -> Floats:
     onto = ((1 - free) * _ramp(f, 0.1, 0.8))[..., None]
     front = plane(radius, np.zeros_like(radius))
     # Where the rim leaves the head its front keeps clear of the head behind it.
-    lift = (8 * _ramp(free, 0.05, 0.5) * _ramp(sin, -0.3, 0.6))[:, None] * outward
+    lift = (7 * _ramp(free, 0.2, 0.7) * _ramp(sin, -0.3, 0.6))[:, None] * outward
     ground = _ear_ground(_ear_index(radius, angles), side) + _ramp(f, 0.2, 0.8)[..., None] * lift
     front += onto * (ground - front)
     rise = axes[2] + onto * (outward - axes[2])
