@@ -73,14 +73,9 @@ class Figure:
     panels: Sequence[Panel]
 
     def neighbors(self) -> list[tuple[Panel, Panel]]:
-        """Return the panels that stand side by side or below each other."""
-        pairs = []
-        for index, panel in enumerate(self.panels):
-            if (index + 1) % self.columns and index + 1 < len(self.panels):
-                pairs.append((panel, self.panels[index + 1]))
-            if index + self.columns < len(self.panels):
-                pairs.append((panel, self.panels[index + self.columns]))
-        return pairs
+        """Return the panels that stand side by side."""
+        pairs = zip(self.panels, self.panels[1:], strict=False)
+        return [pair for index, pair in enumerate(pairs) if (index + 1) % self.columns]
 
 
 def difference(one: Panel, other: Panel) -> float:

@@ -65,13 +65,16 @@ class TexturePool:
         """Take a texture back; its content may be overwritten from now on."""
         self._free.setdefault((texture.size, texture.format, texture.mipmaps), []).append(texture)
 
-    def trim(self) -> None:
-        """Free every texture that is not in use."""
-        rest()
+    def trim(self, limit: int) -> None:
+        """Free textures that are not in use until the rest takes at most `limit` bytes."""
+        idle = sum(texture.bytes for textures in self._free.values() for texture in textures)
+        if idle > limit:
+            rest()
         for textures in self._free.values():
-            for texture in textures:
+            while textures and idle > limit:
+                texture = textures.pop()
+                idle -= texture.bytes
                 self._forget(texture)
-        self._free.clear()
 
     def _forget(self, texture: Texture) -> None:
         glo = texture.handle.glo

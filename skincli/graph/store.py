@@ -45,11 +45,14 @@ class Store:
             self._owned.add(key)
 
     def evict(self, pinned: Collection[str]) -> None:
-        """Let go of the least recently used textures until the rest fits the budget; pinned ones stay."""
+        """Let go of the least recently used textures until the rest fits the budget; pinned ones stay.
+
+        Memory that waits to be handed out again counts too, and is freed first.
+        """
         total = sum(texture.bytes for texture in self._kept.values())
         for key in list(self._kept):
             if total <= self.budget:
-                return
+                break
             if key in pinned:
                 continue
             texture = self._kept.pop(key)
@@ -59,10 +62,10 @@ class Store:
                 destroy_texture(texture)
             else:
                 self.pool.release(texture)
+        self.pool.trim(max(self.budget - total, 0))
 
     def clear(self) -> None:
         """Forget everything and free its memory."""
         budget, self.budget = self.budget, 0
         self.evict(())
-        self.pool.trim()
         self.budget = budget

@@ -161,7 +161,6 @@ def test_the_report_and_explain_say_the_same(render: Run, folder: Path) -> None:
     assert nodes["compose"]["state"] == "ran"
     assert nodes["compose"]["bytes"] >= 64 * 48 * 8
     assert nodes["environment"]["state"] == nodes["reflection"]["state"] == "skipped"
-    assert sum(node["ms"] for node in nodes.values() if node["ms"]) <= frame["ms"]
 
     head, *lines = result.stdout.splitlines()
     assert head.split() == ["node", "state", "ms", "size", "key", "why"]
@@ -358,7 +357,7 @@ def test_relief_on_mirrored_halves_is_mirrored(render: Run, folder: Path, mirror
     render("-o", "mirrored.exr", scene=str(mirrored))
     pixels = exr(folder / "mirrored.exr")[1]
     normal = np.stack([pixels[f"normal.{c}"] for c in "RGB"], axis=-1)
-    covered: Array = normal.astype(bool).any(axis=-1)
+    covered = np.asarray(normal.astype(bool).any(axis=-1))
     inside = covered & covered[:, ::-1]
     difference = np.linalg.norm(normal - normal[:, ::-1] * (-1, 1, 1), axis=-1)[inside]
     # The rounding of the two halves' triangles differs along their edges.

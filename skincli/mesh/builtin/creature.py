@@ -669,14 +669,13 @@ class _Body:
             i, j = _edges(_delaunay(flat))[0].T
             apart = np.linalg.norm(flat[i] - flat[j], axis=1) * scale[i]
             turn = np.linalg.norm(normal[i] - normal[j], axis=1) * np.maximum(apart - 0.6 / (1 + level), 0.0)
-            # The gaze is worth more than what the beard hides.
+            # The face is worth more than what the beard hides.
             x, y, z = position[i].T
-            turn *= np.where(
-                (np.hypot(np.abs(x) - 37.0, y - 38.0) < 26.0) & (z > 30.0), 4.0, np.where(y < -40.0, 0.4, 1.0)
-            )
+            seen = (np.hypot(x / 64.0, (y - 28.0) / 36.0) < 1.0) & (z > 30.0)
+            turn *= np.where(seen, 3.5, np.where(y < -40.0, 0.4, 1.0))
             # Both sides of the cut must stay alike.
             turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
-            worst = np.sort(np.argsort(-turn, kind="stable")[: 170 * 4**level])
+            worst = np.sort(np.argsort(-turn, kind="stable")[: 210 * 4**level])
             middle = 0.5 * (params[i[worst]] + params[j[worst]])
             more = self.surface(middle)
             params = np.concatenate([params, middle])
@@ -722,8 +721,7 @@ def _layout(shapes: tuple[_Body | _Tube, ...]) -> list[Array]:
     first = np.cumsum([0, *map(len, charts)])
     faces = np.concatenate([faces + start for (_, faces), start in zip(coarse, first[:-1], strict=True)])
     packed = np.split(pack(np.concatenate(charts), faces, _MARGIN), first[1:-1])
-    places: list[Array] = [np.linalg.lstsq(_with_one(c), p)[0] for c, p in zip(charts, packed, strict=True)]
-    return places
+    return [np.asarray(np.linalg.lstsq(_with_one(c), p)[0], float) for c, p in zip(charts, packed, strict=True)]
 
 
 def _with_one(points: Array) -> Array:
