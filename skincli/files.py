@@ -122,7 +122,7 @@ def _picture(value: object, info: ValidationInfo) -> Path:
     path = _asset(value, info)
     if info.context is not None and "base" in info.context:
         try:
-            size_of(path, os.fspath(path))
+            size_of(path, str(value))
         except InputError as error:
             raise ValueError(f"that file {error.faults[0].message}") from None
     return path

@@ -313,7 +313,8 @@ def atomic(path: StrPath) -> Iterator[Path]:
         The target cannot be written, or an OSError came out of the block.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{target.suffix}")
+    # Without the target's own name, for with more than that a long one would no longer be allowed.
+    temporary = target.with_name(f".skincli-{secrets.token_hex(6)}{target.suffix}")
     try:
         _refuse_what_is_no_file(target)
         target.parent.mkdir(parents=True, exist_ok=True)

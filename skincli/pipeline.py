@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +17,8 @@ from numpy.typing import NDArray
 
 from skincli import images
 from skincli.color import srgb_decode
-from skincli.errors import LimitError
+from skincli.errors import Fault, InputError, LimitError, did_you_mean
+from skincli.gpu.context import device_info
 from skincli.gpu.geometry import Geometry
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
@@ -49,8 +52,13 @@ from skincli.scene.skin import Optics, Skin, Surface
 MAP_GUTTER = 4
 ATLAS_GUTTER = 2
 
-#: the most levels of a panorama, and the widest that is kept
+_log = logging.getLogger("skincli")
+
+#: widest panorama that is kept, pixels
 MAX_PANORAMA = 4096
+
+#: share of the machine's memory that textures may take on software GL
+MEMORY_SHARE = 0.75
 
 
 @dataclass(frozen=True)
@@ -117,15 +125,38 @@ class Look:
 
 
 def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
-    """Return the mesh a scene names."""
+    """Return the mesh a scene names, and tell (-v) what had to be made good in it.
+
+    Raises
+    ------
+    InputError : the mesh is broken, there is no such built-in one, or `parts` names a part that it does not have
+    LimitError : it is too large
+    """
     source = loaded.scene.mesh
     if source.builtin is not None:
         detail = None if source.detail is None else f"{round(source.detail / 1000)}k"
-        return load_builtin(source.builtin, detail, use_cache=use_cache)
-    assert source.file is not None
-    return load_mesh(
-        source.file, source.mm_per_unit, display_path=source.file.name, roots=loaded.roots, use_cache=use_cache
-    )
+        try:
+            mesh = load_builtin(source.builtin, detail, use_cache=use_cache)
+        except InputError as error:
+            raise InputError(loaded.fault("mesh", fault.message) for fault in error.faults) from None
+    else:
+        assert source.file is not None
+        written = loaded.document.node(("mesh", "file"))
+        name = source.file.name if written is None else str(written.value)
+        mesh = load_mesh(source.file, source.mm_per_unit, display_path=name, roots=loaded.roots, use_cache=use_cache)
+        for note in mesh.notes:
+            _log.info("%s: %s", name, note)
+    known = [part.name for part in mesh.parts]
+    unknown = [name for name in loaded.scene.parts if name not in known]
+    if unknown:
+        raise InputError(
+            Fault(
+                f"the mesh has no part '{name}'{did_you_mean(name, known) or ';'} It has: {', '.join(known)}",
+                *loaded.document.mark(("parts", name), key=True),
+            )
+            for name in unknown
+        )
+    return mesh
 
 
 def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
@@ -133,7 +164,8 @@ def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
     looks: list[Look] = []
     index = []
     for part in mesh.parts:
-        found = loaded.skins.get(part.name, loaded.skins.get(""))
+        # A part that is named without a skin keeps the mesh file's material.
+        found = loaded.skins.get(part.name if part.name in loaded.scene.parts else "")
         if found is not None:
             look = Look(found.skin.surface, found.skin.optics, found.skin)
         else:
@@ -188,12 +220,30 @@ class Pipeline:
         self.samples = render.samples_per_axis
         self.size = (render.size[0] * self.samples, render.size[1] * self.samples)
         self.atlas_size = (render.atlas_size, render.atlas_size)
+        self._require_memory()
         self.graph = FrameGraph(self._nodes(), store, skip)
+
+    def _require_memory(self) -> None:
+        """Refuse what software GL would have to swap for; a GPU's driver says itself when its memory is out."""
+        if not device_info()["software"]:
+            return
+        # At most about six float32 targets of the atlas and ten of the picture live at once.
+        texels = 6 * self.atlas_size[0] * self.atlas_size[1] + 10 * self.size[0] * self.size[1]
+        need, have = 16 * texels, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        if need > MEMORY_SHARE * have:
+            raise LimitError(
+                self.loaded.fault(
+                    "render.size",
+                    f"a picture of {self.size[0]} x {self.size[1]} samples and an atlas of {self.atlas_size[0]} x "
+                    f"{self.atlas_size[1]} need about {need / 1e9:.0f} GB; {MEMORY_SHARE:.0%} of the {have / 1e9:.0f} GB "
+                    "here are allowed; choose a smaller render.size, render.supersample or render.atlas",
+                )
+            )
 
     # -- frames --------------------------------------------------------------------------------------------------
 
     def run(
-        self, outputs: Sequence[str], display: bool = False, timing: bool = False
+        self, outputs: Sequence[str], display: bool = False, timing: bool = False, check: bool = False
     ) -> dict[str, NDArray[np.float32]]:
         """Compute outputs and read them back.
 
@@ -202,6 +252,7 @@ class Pipeline:
         outputs : keys of OUTPUTS
         display : also return "display", the beauty as a display shows it (straight alpha)
         timing : measure every node
+        check : fail where a node leaves a NaN or Inf
 
         Returns
         -------
@@ -210,7 +261,7 @@ class Pipeline:
         targets = {name: OUTPUTS[name].source for name in outputs}
         if display:
             targets["display"] = DISPLAYED
-        found = self.graph.run(list(targets.values()), timing)
+        found = self.graph.run(list(targets.values()), timing, check)
         arrays = {}
         for name, ref in targets.items():
             channels = OUTPUTS[name].channels if name in OUTPUTS else 4

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import skincli
 from skincli import images
-from skincli.errors import DeviceError, Fault, UsageError
+from skincli.errors import UsageError
 from skincli.gpu.context import device_info
 from skincli.gpu.counters import COUNTERS
 from skincli.graph.frame_graph import NodeReport
@@ -74,7 +74,7 @@ def render_frame(
     ----------
     pipeline, target, outputs : what is rendered, whereto, and which of OUTPUTS
     timing : measure every node
-    check : write nothing where a node left a NaN or Inf, see `require_finite`
+    check : write nothing where a node left a NaN or Inf, see FrameGraph.run
 
     Returns
     -------
@@ -90,11 +90,9 @@ def render_frame(
     waits = timing and device_info()["software"]
     before = COUNTERS.snapshot()
     start = time.perf_counter()
-    arrays = pipeline.run(wanted, display=display, timing=timing and not waits)
+    arrays = pipeline.run(wanted, display=display, timing=timing and not waits, check=check)
     ms = (time.perf_counter() - start) * 1000
     counted = COUNTERS.since(before)
-    if check:
-        require_finite(pipeline)
     reports = pipeline.reports
     if waits:
         # To time a node on software GL is to wait for it, so that is done in a second run, apart from the frame's time.
@@ -190,10 +188,3 @@ def explain(frame: Mapping[str, Any]) -> str:
         "  ".join([*(cell.ljust(width) for cell, width in zip(row[:5], widths, strict=True)), row[5]]).rstrip()
         for row in rows
     )
-
-
-def require_finite(pipeline: Pipeline) -> None:
-    """Raise a DeviceError that names every node whose result holds a NaN or Inf."""
-    faults = pipeline.graph.check_finite()
-    if faults:
-        raise DeviceError([Fault(fault) for fault in faults])

@@ -29,8 +29,9 @@ HERE = Path(__file__).parent
 
 Array = NDArray[np.float32]
 
-#: where the camera looks, mm, and its field of view, degrees: the brow and an eye; the tentacles below the face
+#: where the camera looks, mm, and its field of view, degrees
 BROW = ((-30.0, 50.0, 95.0), 9.0)
+EYES = ((-12.0, 28.0, 90.0), 10.5)
 FACE = ((-10.0, 10.0, 80.0), 15.0)
 MOUTH = ((-15.0, -60.0, 90.0), 13.0)
 
@@ -94,18 +95,20 @@ class Studio:
     detail : of the mesh, such as "65k"
     """
 
-    def __init__(self, size: tuple[int, int], atlas: int | None = None, detail: str = "65k") -> None:
+    def __init__(self, size: tuple[int, int], atlas: int | None = None, detail: str = "259k") -> None:
         self.size = size
         # The paper has a bumpiness of 1 in all figures but Figure 4.
-        self.sets = [f"render.size={list(size)}", f"mesh.detail={detail}", "skin.surface.bumpiness=1"]
+        self.sets = [f"render.size={list(size)}", f"mesh.detail={detail}", "skin.surface.bumpiness=1", "skin.surface.reflectance=0.1"]
         if atlas is not None:
             self.sets.append(f"render.atlas={atlas}")
         self.store = Store()
 
     def load(self, sets: Sequence[str] = (), colored: bool = True) -> LoadedScene:
         """Return the scene with settings; without color its skin is white, with the same relief and gloss."""
+        # White skin sends back all light: the picture, though not what is compared, is exposed for it.
+        exposure = () if colored else ("camera.exposure=-1",)
         # The environment lies beside the folder of the paper's scene.
-        loaded = load_scene(HERE / "creature.yaml", (*self.sets, *sets), (HERE.parent,))
+        loaded = load_scene(HERE / "creature.yaml", (*self.sets, *exposure, *sets), (HERE.parent,))
         if colored:
             return loaded
         coat = Color(albedo=(1.0, 1.0, 1.0))
@@ -138,11 +141,10 @@ class Studio:
 
     def factor(self, label: str, output: str, *sets: str) -> Panel:
         """Return an occlusion output; as in the paper, its numbers are shown as they are, black to white."""
-        found = self.arrays([output, "depth"], sets)
-        mask = found["depth"][..., 0] > 0
-        values = found[output].repeat(3, axis=2)
-        picture = np.where(mask[..., None], srgb_decode(values), self.background)
-        return Panel(label, picture.astype(np.float32), values, mask)
+        found = self.arrays([output, "depth", "albedo"], sets, colored=False)
+        values, coverage = found[output].repeat(3, axis=2), found["albedo"]  # of white skin
+        picture = coverage * srgb_decode(values) + (1 - coverage) * self.background
+        return Panel(label, picture.astype(np.float32), values, found["depth"][..., 0] > 0)
 
 
 # Figures -----------------------------------------------------------------------------------------------------------
@@ -207,7 +209,7 @@ def figure_5(studio: Studio) -> Figure:
 def figure_8(studio: Studio) -> Figure:
     """Occlusion from depth alone, and from normals as well."""
     panels = [
-        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(FACE))
+        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(EYES))
         for label, samples in (("a  depth only: sphere", "sphere"), ("b  normals: hemisphere", "hemisphere"))
     ]
     return Figure("Figure 8  occlusion", 2, panels)
@@ -216,7 +218,7 @@ def figure_8(studio: Studio) -> Figure:
 def figure_9(studio: Studio) -> Figure:
     """The two bands of the occlusion."""
     panels = [
-        studio.factor(label, output, *seen(FACE))
+        studio.factor(label, output, *seen(EYES))
         for label, output in (("a  high frequency", "occlusion_high"), ("b  low frequency", "occlusion_low"))
     ]
     return Figure("Figure 9  bands", 2, panels)
@@ -231,7 +233,11 @@ def figure_12(studio: Studio) -> Figure:
     """A strong reflection as it is, and damped by the occlusion."""
     panels = [
         studio.beauty(
-            label, "skin.surface.reflectance=0.75", f"render.effects.reflection_damping={damped}", *seen(MOUTH)
+            label,
+            "skin.surface.reflectance=0.75",
+            f"render.effects.reflection_damping={damped}",
+            "camera.exposure=-1",
+            *seen(MOUTH),
         )
         for label, damped in (("a  reflection untreated", "false"), ("b  damped by SSAO", "true"))
     ]
@@ -240,7 +246,7 @@ def figure_12(studio: Studio) -> Figure:
 
 def figure_13(studio: Studio) -> Figure:
     """The final picture."""
-    return Figure("Figure 13", 1, [studio.beauty("final image, reflectance 0.1", "skin.surface.reflectance=0.1")])
+    return Figure("Figure 13", 1, [studio.beauty("final, reflectance 0.1")])
 
 
 def figure_14(studio: Studio) -> Figure:
@@ -304,7 +310,7 @@ def size_of(context: click.Context, parameter: click.Parameter, text: str) -> tu
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("out/paper"), help="folder of the sheets")
 @click.option("--size", default="480x540", callback=size_of, metavar="WxH", help="size of a panel, pixels")
 @click.option("--atlas", type=int, metavar="N", help="side of the atlas, texels; left out: the paper's 2500")
-@click.option("--detail", default="65k", help="detail of the creature: 4k, 16k, 65k or 259k")
+@click.option("--detail", default="259k", help="detail of the creature: 4k, 16k, 65k or 259k")
 def main(figures: Sequence[str], output: Path, size: tuple[int, int], atlas: int | None, detail: str) -> None:
     """Write fig03.png to fig15.png, or the FIGURES that are named, and say how much neighboring panels differ."""
     try:

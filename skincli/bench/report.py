@@ -131,7 +131,20 @@ def _range(times: Mapping[str, Any] | None) -> str:
 
 
 def _paper(paper: Rows) -> str:
-    rows = [("triangles", "picture", "paper fps", "full fps", "full ms", "to paper", "camera fps", "camera ms")]
+    rows = [
+        (
+            "triangles",
+            "picture",
+            "paper fps",
+            "full fps",
+            "full ms",
+            "nodes",
+            "to paper",
+            "camera fps",
+            "camera ms",
+            "nodes",
+        )
+    ]
     for row in paper:
         rows.append(
             (
@@ -140,9 +153,11 @@ def _paper(paper: Rows) -> str:
                 f"{row['paper_fps']}",
                 f"{row['full_fps']:.2f}",
                 _range(row["full"]),
+                f"{len(row['full_nodes'])}",
                 f"{row['full_to_paper']:.3f}",
                 f"{row['camera_fps']:.2f}",
                 _range(row["camera"]),
+                f"{len(row['camera_nodes'])}",
             )
         )
     count = paper[0]["full"]["count"]

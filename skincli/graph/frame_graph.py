@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from skincli.errors import Fault, SkincliError
 from skincli.gpu import textures
 from skincli.gpu.draw import DrawCall, bind_target, timed
 from skincli.gpu.textures import Texture
@@ -201,17 +202,22 @@ class FrameGraph:
 
     # -- run -----------------------------------------------------------------------------------------------------
 
-    def run(self, targets: Sequence[Ref], timing: bool = False) -> dict[Ref, Texture]:
+    def run(self, targets: Sequence[Ref], timing: bool = False, check: bool = False) -> dict[Ref, Texture]:
         """Compute what the targets need and is not known yet.
 
         Parameters
         ----------
         targets : outputs that are wanted
         timing : measure each node (timer queries on a GPU, waiting for the driver on software GL)
+        check : read every result back and look for NaN and Inf
 
         Returns
         -------
         texture of each target; valid until the next run
+
+        Raises
+        ------
+        SkincliError : `check` found something; names node, output, count and first pixel of each
         """
         wanted_targets = tuple(targets)
         if not self.skip:
@@ -225,12 +231,18 @@ class FrameGraph:
         missing = self._missing(wanted_targets)
         pins = self._pins(missing, targets)
         self._ran, self._clocks = {}, {}
+        faults = []
         for position, (step, outputs) in enumerate(missing):
             clock = self._execute(step, outputs, timing)
             self._ran[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step))
             if clock is not None:
                 self._clocks[step.node.name] = clock
+            if check:
+                found = [_unfinite(f"{step.node.name}.{name}", self.store.get(step.keys[name])) for name in outputs]
+                faults += [Fault(fault) for fault in found if fault is not None]
             self.store.evict({key for key, last in pins.items() if last > position})
+        if faults:
+            raise SkincliError(faults)
         results = {}
         for target in targets:
             source = self._resolved[target]
@@ -375,18 +387,11 @@ class FrameGraph:
                 return reason
         return None
 
-    def check_finite(self) -> list[str]:
-        """Return a line for each output kept in the memo that holds a NaN or Inf: node, pixel and count."""
-        faults = []
-        for step in self._steps:
-            for output in step.outputs:
-                if step.keys[output] in self.store:
-                    array = textures.read_back(self.store.get(step.keys[output]))
-                    bad = ~np.isfinite(array).all(axis=-1)
-                    if bad.any():
-                        row, column = np.argwhere(bad)[0]
-                        faults.append(
-                            f"{step.node.name}.{output}: {int(bad.sum())} pixels are not finite, "
-                            f"the first at column {column}, row {row}"
-                        )
-        return faults
+
+def _unfinite(name: str, texture: Texture) -> str | None:
+    """Return a sentence about the values of a texture that are NaN or Inf, or None."""
+    bad = ~np.isfinite(textures.read_back(texture)).all(axis=-1)
+    if not bad.any():
+        return None
+    row, column = np.argwhere(bad)[0]
+    return f"{name}: {int(bad.sum())} pixels are not finite, the first at column {column}, row {row}"

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import OrderedDict
 from collections.abc import Collection
 
+from skincli.errors import UsageError
 from skincli.gpu.textures import Texture, TexturePool, destroy_texture
 
 DEFAULT_BUDGET_MB = 2048
 
 
 def default_budget() -> int:
-    """Return the memo's budget in bytes; the environment variable SKINCLI_MEMO_MB overrides it."""
-    return int(float(os.environ.get("SKINCLI_MEMO_MB", DEFAULT_BUDGET_MB)) * 1_000_000)
+    """Return the memo's budget in bytes; the environment variable SKINCLI_MEMO_MB overrides it.
+
+    Raises
+    ------
+    UsageError : the variable is not a number, 0 or more
+    """
+    text = os.environ.get("SKINCLI_MEMO_MB", str(DEFAULT_BUDGET_MB))
+    try:
+        megabytes = float(text)
+    except ValueError:
+        megabytes = math.nan
+    if not 0 <= megabytes < math.inf:
+        raise UsageError(f"SKINCLI_MEMO_MB is '{text}'; it must be a number of megabytes, 0 or more")
+    return int(megabytes * 1_000_000)
 
 
 class Store:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.color import REC709_LUMA
-from skincli.files import AssetPath
+from skincli.files import PicturePath
 from skincli.layers.base import Array, Flat, Own, Pattern, Picture, Ramp, Site, Value
 
 
@@ -43,7 +43,7 @@ class Image(Pattern):
 
     kernel: ClassVar[Literal["vec4"]] = "vec4"
 
-    file: AssetPath = Field(description="png, jpg, tif, exr or hdr file, relative to the file that names it")
+    file: PicturePath = Field(description="png, jpg, tif, exr or hdr file, relative to the file that names it")
     role: Literal["color", "grey", "normal_gl", "normal_dx"] = Field(
         "color", description="color; grey: plain numbers; normal_gl, normal_dx: tangent-space normals, y up or y down"
     )

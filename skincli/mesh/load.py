@@ -31,6 +31,9 @@ EXTENT_ALLOWED = (1e-3, 1e7)
 EXTENT_PLAUSIBLE = (5.0, 20_000.0)
 """mm. Outside it a note asks whether the unit is right."""
 
+FARTHEST = 1e8
+"""mm. How far from the origin the middle of a mesh may lie; a scene's own coordinates reach ten times as far."""
+
 MIRRORED_SHARE = 0.01
 """A vertex is split between mirrored and unmirrored faces when both have more than this share of its surface area."""
 
@@ -346,6 +349,12 @@ def _center(pieces: list[_Piece], name: str, notes: list[str]) -> Floats:
         validate.fail(
             name,
             f"the mesh measures {size.max():.3g} mm; {least:g} to {most:g} mm are allowed; correct the mesh's unit",
+        )
+    if not np.abs(origin).max() <= FARTHEST:
+        validate.fail(
+            name,
+            f"the mesh's middle lies at {', '.join(f'{value:.3g}' for value in origin)} mm; up to {FARTHEST:g} mm are "
+            "allowed; move it to the origin, or correct its unit",
         )
     if size.max() > 0.0 and not EXTENT_PLAUSIBLE[0] <= size.max() <= EXTENT_PLAUSIBLE[1]:
         extent = " x ".join(f"{value:.3g}" for value in size)

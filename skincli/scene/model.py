@@ -135,7 +135,7 @@ class Camera(Written):
     position: Position = Field(description="where it stands, mm")
     target: Position = Field(description="the point at the middle of the picture, mm")
     up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that points up in the picture")
-    fov: float = Field(default=30.0, gt=0, lt=180, description="vertical field of view, degrees")
+    fov: float = Field(default=30.0, ge=0.001, lt=180, description="vertical field of view, degrees")
     exposure: Exposure = Field(default=0.0, description="brightening of the picture, EV (doublings)")
 
     @model_validator(mode="after")

@@ -153,26 +153,14 @@ def test_the_papers_table_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [(row["size"], row["paper_fps"]) for row in found["paper"]] == [([64, 48], 63), ([96, 64], 50)]
     for row in found["paper"]:
         assert row["triangles"] == len(ring(16, 8).faces)
+        # A frame rate beside the paper's must not leave out what the paper's program did in every frame.
+        texture_space = {"atlas", "irradiance", "diffused_rows", "diffused"}
+        assert texture_space | {"view", "specular", "reflection", "compose"} < set(row["full_nodes"])
+        assert set(row["full_nodes"]) - set(row["camera_nodes"]) == texture_space
+        assert not {"skin0_maps", "environment"} & set(row["full_nodes"])
         assert row["full_fps"] == pytest.approx(1000 / row["full"]["median"], rel=1e-2)
         assert row["full_to_paper"] == pytest.approx(row["full_fps"] / row["paper_fps"], rel=1e-2)
     assert "96 x 64" in report.as_text(found)
-
-
-@pytest.mark.usefixtures("ctx")
-def test_the_paper_s_full_frame_runs_every_pass_but_the_maps(tmp_path: Path, small: None) -> None:
-    """Else a frame rate would be set beside the paper's that left work out."""
-    from skincli.bench.scene import load
-    from skincli.pipeline import Pipeline
-
-    loaded = load(tmp_path, timing.PAPER_SCENE, "render.size=[64, 48]")
-    pipeline = Pipeline(loaded, ring(16, 8))
-    timing.frame_ms(pipeline)
-    motion = timing.Motion(pipeline)
-    motion.step()
-    timing._renew_atlas(pipeline, 1)
-    timing.frame_ms(pipeline)
-    states = {r.name: r.state for r in pipeline.reports if not r.name.endswith("_picture") and r.name != "display"}
-    assert {name for name, state in states.items() if state != "ran"} == {"skin0_maps", "environment"}
 
 
 @pytest.mark.usefixtures("ctx", "small")

@@ -223,3 +223,33 @@ def test_the_paper_divides_nothing_and_tints_highlights(pipeline: Make) -> None:
     expected = (a["diffuse"] * a["occlusion"] + a["specular"]) * a["albedo"] + a["reflection"]
     covered = a["beauty"][..., 3] > 0
     np.testing.assert_allclose(a["beauty"][covered][:, :3], expected[covered], rtol=1e-5, atol=1e-6)
+
+
+def test_check_names_the_pass_that_left_a_nan(pipeline: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    from skincli.errors import SkincliError
+    from skincli.gpu import program
+
+    read = program._file_lines.__wrapped__
+
+    def broken(name: str) -> tuple[str, ...]:
+        lines = read(name)
+        if name != "passes/specular.frag":
+            return lines
+        text = "\n".join(lines).replace("* lobe *", "* (lobe > 0.5 ? uintBitsToFloat(0x7fc00000u) : lobe) *")
+        return tuple(text.split("\n"))
+
+    pipeline().run(["beauty"], check=True)
+    monkeypatch.setattr(program, "_file_lines", broken)
+    program.program_text.cache_clear()
+    try:
+        with pytest.raises(SkincliError, match=r"specular\.specular: \d+ pixels are not finite, the first at column"):
+            pipeline().run(["beauty"], check=True)
+    finally:
+        program.program_text.cache_clear()
+
+
+def test_what_cannot_fit_into_memory_is_refused_before_it_is_made(pipeline: Make) -> None:
+    from skincli.errors import LimitError
+
+    with pytest.raises(LimitError, match=r"need about \d+ GB"):
+        pipeline("render.size=[16384, 16384]", "render.supersample=4")

@@ -64,7 +64,8 @@ def covered(points: Floats, faces: NDArray[np.int32], width: int, height: int) -
             continue
         x, y = np.arange(low[0], high[0] + 1)[:, None], np.arange(low[1], high[1] + 1)[None]
         sides = [
-            (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in zip(corners, corners[[1, 2, 0]], strict=True)
+            (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
+            for p, q in zip(corners, corners[[1, 2, 0]], strict=True)
         ]
         inside = (np.minimum.reduce(sides) > 1e-9) | (np.maximum.reduce(sides) < -1e-9)
         count[low[0] : high[0] + 1, low[1] : high[1] + 1] += inside
@@ -136,7 +137,9 @@ def test_ears_are_flaps_with_a_front_and_a_back(head: Mesh, side: int) -> None:
 @pytest.mark.parametrize("side", [-1, 1])
 def test_nostrils_are_pits(head: Mesh, side: int) -> None:
     up = np.array([0.0, 1, 0])
-    bottom = max(crossings(head, np.array([side * x, -90.0, z]), up)[0][0] for x in (6.5, 7, 7.5, 8) for z in (101, 102, 103))
+    bottom = max(
+        crossings(head, np.array([side * x, -90.0, z]), up)[0][0] for x in (6.5, 7, 7.5, 8) for z in (101, 102, 103)
+    )
     rim = [crossings(head, np.array([x, -90.0, 102.0]), up)[0][0] for x in (side * 7.2 - 5.5, side * 7.2 + 5)]
     assert bottom - max(rim) > 5
 

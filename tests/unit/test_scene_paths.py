@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from skincli import resources
+from skincli import images, resources
 from skincli.errors import InputError, LimitError, SkincliError, UsageError
 from skincli.scene.paths import load_scene, locate, parse, set_value
 from skincli.scene.yaml import load_text
@@ -37,13 +38,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "scene.yaml": SCENE,
         "head.obj": "",
         "skins/wet.yaml": SKIN,
-        "skins/tex.png": "",
         "presets/human.yaml": "skin: 1\nlayers: [image: {file: human.png}]\nsurface: {shininess: 7}\n",
-        "presets/human.png": "",
         "presets/octopus.yaml": "skin: 1\n",
     }.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
+    for name in ("skins/tex.png", "presets/human.png"):
+        images.write_png(tmp_path / name, np.zeros((2, 2)))
     monkeypatch.setattr(resources, "folder", lambda name: tmp_path / name)
     return tmp_path
 
@@ -261,7 +262,7 @@ def test_skin_files_keep_to_the_budgets_and_folders(folder: Path, tmp_path_facto
     refused(error=LimitError)
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "far.yaml").write_text("skin: 1\nlayers: [image: {file: near.png}]\n")
-    (elsewhere / "near.png").write_text("")
+    images.write_png(elsewhere / "near.png", np.zeros((2, 2)))
     (folder / "scene.yaml").write_text(SCENE.replace("skins/wet.yaml", str(elsewhere / "far.yaml")))
     assert "outside the folder" in refused()
     loaded = load_scene("scene.yaml", asset_roots=[elsewhere])

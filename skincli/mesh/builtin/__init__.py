@@ -5,8 +5,7 @@ from __future__ import annotations
 from skincli.errors import InputError, did_you_mean
 from skincli.mesh.model import Mesh
 
-_LEVELS = ("4k", "16k", "65k", "259k")
-DETAILS: dict[str, tuple[str, ...]] = {"head": _LEVELS, "creature": _LEVELS}
+DETAILS: dict[str, tuple[str, ...]] = {"head": ("4k", "16k", "65k", "259k"), "creature": ("16k", "65k", "259k")}
 """The levels of detail of each mesh: about how many triangles it has, of which "65k" is taken unless one is named."""
 
 

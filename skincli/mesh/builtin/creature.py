@@ -94,13 +94,13 @@ def _bust(points: Array) -> Array:
     d = _smooth_min(d, _ellipsoid(p, (0, -24, 40), (54, 32, 36), 0), 30)
     d = _smooth_min(d, _cone(p, (0, -30, 34), (0, -84, 22), 42, 26), 24)
     d = _smooth_min(d, _ellipsoid(m, (50, 4, 32), (28, 22, 34), 20), 20)
-    d = _smooth_max(d, -_ellipsoid(m, (38, 36, 84), (25, 21, 26), 0), 22)
+    d = _smooth_max(d, -_ellipsoid(m, (38, 36, 85), (25, 21, 26), 0), 28)
     # Bridge: narrow between the eyes, spreading into the lip.
     d = _smooth_min(d, _cone(m, (2, 70, 56), (3, 28, 68), 10, 9), 22)
     d = _smooth_min(d, _cone(m, (3, 28, 68), (15, -10, 66), 9, 15), 20)
     # Brows.
     d = _smooth_min(d, _cone(m, (10, 57, 60), (36, 70, 60), 11, 14), 16)
-    d = _smooth_min(d, _cone(m, (36, 70, 60), (68, 58, 18), 14, 9), 20)
+    d = _smooth_min(d, _cone(m, (36, 70, 60), (68, 58, 18), 14, 9), 28)
     d = _smooth_min(d, _cone(m, (66, 58, 16), (62, 20, -2), 9, 6), 24)
     d = _smooth_min(d, _ellipsoid(m, (38, 16, 52), (24, 13, 17), 0), 16)
     # Eyeball under its lids.
@@ -391,23 +391,23 @@ def _relief(p: Array) -> Array:
     h += 3.2 * top * _groove(x + 5.0 * np.sin(z / 31.0 + y / 45.0), 15.0)
     h += 0.7 * top * np.cos(2 * np.pi * (m + 6.0 * np.sin(z / 37.0) + 3.0 * np.sin(y / 19.0)) / 27.0)
     # Forehead: folds that hang from the middle like a curtain.
-    drop = y - 86.0 - 0.008 * x**2 + 3.0 * np.sin(x / 13.0 + 0.5)
-    mask = np.exp(-((x / 44) ** 4) - ((y - 97) / 17) ** 4) * front
-    h += 1.5 * mask * _groove(drop - 16.0 * np.round(drop / 16.0), 5.4)
+    drop = y - 85.0 - 0.005 * x**2 + 2.5 * np.sin(x / 14.0 + 0.5)
+    mask = np.exp(-((x / 38) ** 2) - ((y - 97) / 21) ** 4) * front
+    h += 1.8 * mask * _groove(drop - 18.0 * np.round(drop / 18.0), 6.4)
     # Frown lines.
     mask = np.exp(-(((y - 68) / 15) ** 4)) * front
-    h += 2.4 * mask * _groove(m - 7.5 - 0.1 * (y - 66), 4.2)
+    h += 2.4 * mask * _groove(m - 8.0 - 0.1 * (y - 66), 4.8)
     # Lids: an almond sunk between a heavy upper and a thin lower rim, low at the nose; a flat pupil; the lid's crease.
     along = (m - 37.0) / 19.5
     arch = np.clip(1.0 - along**2, 0.0, None)
     rise = y - 37.5 - 2.6 * along
     upper, lower = 6.0 * arch - rise, rise + 5.6 * arch
-    opened = _smoothstep(-1.8, 2.4, _smooth_min(upper, lower, 3.0))
+    opened = _smoothstep(-2.6, 3.0, _smooth_min(upper, lower, 3.0))
     lids = np.exp(-((along / 1.25) ** 8)) * front
     h += lids * (
-        1.3 * np.exp(-(((upper + 2.6) / 3.4) ** 2)) + 0.8 * np.exp(-(((lower + 2.4) / 3.0) ** 2)) - 2.0 * opened
+        1.3 * np.exp(-(((upper + 3.0) / 3.8) ** 2)) + 0.8 * np.exp(-(((lower + 2.4) / 3.0) ** 2)) - 2.0 * opened
     )
-    h += lids * _smoothstep(-1.1, -0.4, along) * 1.2 * _groove(upper + 9.5 - 2.0 * arch, 3.2)
+    h += lids * _smoothstep(-1.1, -0.4, along) * 0.7 * _groove(upper + 9.5 - 2.0 * arch, 4.0)
     h -= opened * front * 1.0 * np.exp(-((rise / 2.2) ** 2) - (along / 0.42) ** 4)
     # Bags under the eyes.
     ex, ey = m - 36.0, y - 38.0
@@ -522,7 +522,8 @@ class _Tube:
     def radius(self, arc: Array) -> Array:
         """Radius without suckers, mm; 0 where the tip ends."""
         end = np.clip((arc - self.cap) / (self.length - self.cap), 0.0, 1.0)
-        return self._full_radius(arc) * np.sqrt(1.0 - end**2)
+        # Narrower where it is sunk in the body, lest the rim of its open end come out at the side.
+        return self._full_radius(arc) * np.sqrt(1.0 - end**2) * (0.55 + 0.45 * _smoothstep(0.0, _SUNK, arc))
 
     def _suckers(self, arc: Array, angle: Array) -> Array:
         """Height of the suckers over the tube, mm: a raised ring about a cup, two rows that alternate."""
@@ -649,9 +650,15 @@ class _Body:
 
     def samples(self, level: int) -> tuple[Array, NDArray[np.int64]]:
         """Parameters and triangles, densest over the face."""
-        dense = np.linspace(0.0, 1.0, 4001)
+        dense = np.linspace(0.0, 1.0, 601)
         face = _smoothstep(0.06, 0.19, dense) * (1.0 - _smoothstep(0.54, 0.66, dense))
-        total = np.concatenate([[0.0], np.cumsum(0.8 + 1.5 * face[1:] + 1.0 * _smoothstep(0.78, 0.9, dense[1:]))])
+        # Rings follow each other as profiles of the face and of the back are long, and closer where the face is.
+        length = np.zeros(600)
+        for theta, share in ((0.1, 0.3), (0.4, 0.3), (0.8, 0.2), (np.pi, 0.2)):
+            profile = _body_points(_bust, dense, np.full(601, theta))
+            length += share * np.linalg.norm(np.diff(profile, axis=0), axis=1)
+        pace = gaussian_filter1d(length, 6.0) * (0.5 + 0.9 * face[1:] + 0.3 * _smoothstep(0.75, 0.88, dense[1:]))
+        total = np.concatenate([[0.0], np.cumsum(pace)])
         places = np.interp(np.linspace(0.0, total[-1], 70 * 2**level + 1), total, dense)
         points = []
         for k, (s, front) in enumerate(zip(places[1:], np.interp(places[1:], dense, face), strict=True)):
@@ -672,10 +679,10 @@ class _Body:
             # The face is worth more than what the beard hides.
             x, y, z = position[i].T
             seen = (np.hypot(x / 64.0, (y - 28.0) / 36.0) < 1.0) & (z > 30.0)
-            turn *= np.where(seen, 3.5, np.where(y < -40.0, 0.4, 1.0))
+            turn *= np.where(seen, 4.0, np.where(y < -40.0, 0.4, 1.0))
             # Both sides of the cut must stay alike.
             turn[(np.abs(params[i, 1]) == np.pi) & (np.abs(params[j, 1]) == np.pi)] = 0.0
-            worst = np.sort(np.argsort(-turn, kind="stable")[: 210 * 4**level])
+            worst = np.sort(np.argsort(-turn, kind="stable")[: 230 * 4**level])
             middle = 0.5 * (params[i[worst]] + params[j[worst]])
             more = self.surface(middle)
             params = np.concatenate([params, middle])

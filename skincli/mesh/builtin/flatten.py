@@ -6,16 +6,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_fill_holes
+from scipy.signal import fftconvolve
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
-from scipy.signal import fftconvolve
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 def half_edges(faces: Ints) -> Ints:
-    """Return the (3 m, 2) directed edges of (m, 3) faces; edge e of face f lies at row 3 f + e and starts at corner e."""
+    """Return the (3 m, 2) directed edges of (m, 3) faces; row 3 f + e starts at corner e of face f."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
@@ -36,8 +36,7 @@ def cut(faces: Ints, seams: Ints) -> Ints:
     keep = ~np.isin(code[first], np.sort(seams, axis=1) @ np.array([count, 1]))
     first, second = first[keep], second[keep]
     # Two faces run an edge in opposite directions: the start of one is the end of the other.
-    end_of = np.arange(len(edges)).reshape(-1, 3)
-    end_of = np.roll(end_of, -1, axis=1).ravel()
+    end_of = np.roll(np.arange(len(edges)).reshape(-1, 3), -1, axis=1).ravel()
     left, right = np.concatenate([first, end_of[first]]), np.concatenate([end_of[second], second])
     graph = sp.coo_matrix((np.ones(len(left)), (left, right)), shape=(len(edges), len(edges)))
     corners: Ints = connected_components(graph, directed=False)[1].astype(np.int64)

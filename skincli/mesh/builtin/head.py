@@ -11,6 +11,8 @@ nostrils and ears are disks of the domain that are drawn in and out. The bottom 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d, map_coordinates
 
+from skincli.mesh.builtin import DETAILS
 from skincli.mesh.builtin.flatten import charts, cut, flatten, half_edges, pack, relax
 from skincli.mesh.model import Mesh, Part
 
@@ -36,6 +39,7 @@ def _blend(a: Floats, b: Floats, width: float) -> Floats:
 
 
 def _carve(a: Floats, b: Floats, width: float) -> Floats:
+    """The first form without the second."""
     return -_blend(-a, b, width)
 
 
@@ -121,17 +125,17 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _ellipsoid(p, (0, 46, 24), (59, 57, 63)), 30)
     # Face: upper jaw, cheekbones, lower jaw, chin.
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
-    f = _blend(f, _rope(m, (33, -20, 65, 10), (53, -17, 44, 10), (64, -12, 16, 7)), 24)
+    f = _blend(f, _rope(m, (33, -20, 65, 10), (53, -17, 44, 10), (63, -13, 18, 7), (66, -11, -4, 6)), 26)
     f = _blend(f, _rope(m, (56, 0, -14, 13.5), (56, -34, -10, 13.5)), 32)
     f = _blend(f, _rope(m, (56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)), 26)
     f = _blend(f, _ellipsoid(p, (0, -98, 38), (26, 18, 38)), 16)
     f = _blend(f, _ellipsoid(m, (29, -64, 42), (19, 28, 28)), 20)
-    f = _blend(f, _ellipsoid(m, (41, -50, 26), (19, 36, 30)), 22)
+    f = _blend(f, _ellipsoid(m, (41, -45, 25), (20.5, 36, 31)), 22)
     f = _blend(f, _ellipsoid(p, (0, -105, 76), (17, 14, 17)), 14)
     f = _blend(f, _ellipsoid(p, (0, -74, 62), (35, 30, 27)), 20)
     # Neck and shoulders.
     neck = _rope(p, (0, -40, -25, 47), (0, -200, -33, 54))
-    neck = _blend(neck, _rope(m, (22, -28, -49, 20), (30, -190, -56, 21)), 44)
+    neck = _blend(neck, _rope(m, (22, -28, -49, 18), (30, -190, -54, 20)), 44)
     neck = _blend(neck, _rope(m, (16, -128, -40, 22), (98, -200, -36, 22)), 40)
     neck = _blend(neck, _rope(m, (59, -40, -24, 8), (13, -186, 22, 9)), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
@@ -141,7 +145,7 @@ def _solid(points: Floats) -> Floats:
 
     # Eyes: socket, brow, ball with its closed lids.
     f = _carve(f, _ellipsoid(m, (30, -3, 95), (20, 12.5, 17)), 15)
-    f = _blend(f, _rope(m, (8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (55, -10, 42, 6)), 16)
+    f = _blend(f, _rope(m, (8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (54, -12, 43, 4)), 16)
     f = _blend(f, _ellipsoid(m, (32, -3, 64), (16, 12.5, 14.5)), 10)
     # Nose.
     nose = _rope(p, (0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5))
@@ -160,7 +164,7 @@ def _solid(points: Floats) -> Floats:
     f += _stroke(m, 2.2, 0.7, (5, -60, 91), (5.4, -66, 95.5))
     f += _stroke(m, 1.8, 0.5, (0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82))
     f += _stroke(m, 5, -1.0, (19, -44, 88), (28, -62, 80), (32, -76, 74))
-    f += _stroke(m, 2.4, -0.8, (22, 4, 78), (32, 6.5, 78), (42, 4, 73), (50, -4, 65))
+    f += _stroke(m, 3, -0.6, (27, 6, 79), (33, 6.5, 78), (40, 5, 74.5), (46, 1.5, 70))
     f += _stroke(m, 3.5, 0.7, (12, 17, 90), (26, 22, 85), (40, 21, 76), (50, 15, 64))
     f += _stroke(m, 20, -1.5, (60, 22, 46), (62, 30, 44))
     return -_blend(-f, points[:, 1] + 206, 16)
@@ -169,8 +173,8 @@ def _solid(points: Floats) -> Floats:
 # ---------------------------------------------------------------------------------------------------------------------
 # Gross surface: where rays from the axis meet the forms.
 
-AROUND, SIDE, DOWN = 12, 20, 44  # half the front's and the back's columns, a side's columns, rows
-BACK = 2 * AROUND + SIDE  # the column at the back of the head
+_AROUND, _SIDE, _DOWN = 12, 20, 44  # half the front's and the back's columns, a side's columns, rows
+_BACK = 2 * _AROUND + _SIDE  # the column at the back of the head
 
 _COLUMN = PchipInterpolator(  # column -> angle round the axis in degrees, 0 at the face
     [0, 3, 6, 9, 10, 11, 12, 28, 30, 32, 44, 45], [0, 8, 16.5, 29.5, 38, 47.5, 57, 117, 127, 137.5, 180, 183.5]
@@ -204,13 +208,16 @@ _ROWS = np.array(
 _ROW = PchipInterpolator(_ROWS[:, 0], _ROWS[:, 1:])
 
 
+_TOLERANCE = 1e-5  # mm from the forms
+
+
 def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
     """Return (n, 3) points where rays meet the forms.
 
     Parameters
     ----------
     theta : (n,) angle round the axis in radians
-    row : (n,) row, 0 to DOWN
+    row : (n,) row, 0 to _DOWN
     crown : (n,) 1 on rows; from 1 to 0 the rays of row 0 turn upward
     """
     oy, oz, fy, fz, sy, sx, by, bz = _ROW(row).T
@@ -232,14 +239,14 @@ def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
     inside, outside = np.zeros_like(reach), np.full_like(reach, np.inf)
     before, slope = np.zeros_like(reach), np.full_like(reach, 0.8)
     step = np.zeros_like(reach)
-    for turn in range(60):
+    for attempt in range(60):
         value = _solid(start[todo] + reach[todo, None] * ray[todo])
         within = value < 0
         inside[todo[within]], outside[todo[~within]] = reach[todo[within]], reach[todo[~within]]
-        if turn:
+        if attempt:
             slope[todo] = np.clip((value - before[todo]) / step[todo], 0.3, 1.2)
         before[todo] = value
-        todo = todo[np.abs(value) > 1e-5]
+        todo = todo[np.abs(value) > _TOLERANCE]
         if not len(todo):
             break
         low, high = inside[todo], outside[todo]
@@ -255,15 +262,17 @@ def _meet(theta: Floats, row: Floats, crown: Floats) -> Floats:
 def _slope(points: Floats) -> Floats:
     """Return (n, 3) outward unit normals of the forms."""
     probes = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    slope = sum(_solid(points + 0.05 * probe)[:, None] * probe for probe in probes)
+    slope = np.sum([_solid(points + 0.05 * probe)[:, None] * probe for probe in probes], axis=0)
     return slope / np.linalg.norm(slope, axis=1, keepdims=True)
 
 
 def _angle(column: Floats) -> Floats:
+    """Angle of a column round the axis in radians, 0 at the face, positive to the subject's left."""
     return np.radians(np.sign(column) * _COLUMN(np.abs(column)))
 
 
 def _ramp(x: Floats, low: float, high: float) -> Floats:
+    """From 0 at `low` to 1 at `high`, smooth."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
 
@@ -272,43 +281,72 @@ def _ramp(x: Floats, low: float, high: float) -> Floats:
 # Lids and lips: folds of the rows about one row.
 
 
-_LIDS, _LIPS, _BAND = 9.0, 25.0, 2.0  # rows, and half the number of rows a fold takes
+_BAND = 2.0  # half the number of rows a fold takes
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """A slit along a row whose two walls lie side by side.
+
+    Parameters
+    ----------
+    row : the row that runs along the bottom of the slit
+    depth : mm
+    heart : (x, y, z) mm toward which the walls go in; x on the side of the face where the column is
+    shift : by column, how many rows the row is bent
+    openness : by column, 0 where there is no slit to 1 where it has its full depth
+    """
+
+    row: float
+    depth: float
+    heart: tuple[float, float, float]
+    shift: PchipInterpolator
+    openness: PchipInterpolator
+
+
+def _lids_line(x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the height of the closed lids' line at x in mm, its place from corner to corner, and how far it counts."""
+    u = (np.abs(x) - 32) / 15.5
+    line = -4.6 - 4.2 * np.clip(1 - u**2, -0.3, 1) + 1.2 * np.clip(u, -1.3, 1.3)
+    return line, u, _ramp(np.abs(x), 5, 14) * (1 - _ramp(np.abs(x), 50, 64))
+
+
+def _lips_line(x: Floats) -> tuple[Floats, Floats, Floats]:
+    """The same of the lips' line: lowest at the upper lip's tubercle."""
+    u = x / 26
+    line = -75.3 - 0.7 * np.exp(-((x / 5) ** 2)) + 0.7 * np.exp(-(((np.abs(x) - 12) / 6) ** 2)) - 0.8 * u**2
+    return line, u, 1 - _ramp(np.abs(x), 29, 44)
 
 
 @cache
-def _folds() -> list[tuple[float, PchipInterpolator, PchipInterpolator]]:
-    """Return (row, shift of the rows by column, openness by column) of the lids' and of the lips' fold."""
-    columns = np.linspace(-20, 20, 321)
+def _folds() -> tuple[_Fold, ...]:
+    """Return the lids' and the lips' fold."""
+    columns = np.linspace(-20, 20, 161)
     result = []
-    for row, reach in ((_LIDS, 2.6), (_LIPS, 2.6)):
-        rows = row + np.linspace(-reach, reach, 53)
+    for row, depth, heart, curve in (
+        (9.0, 3.5, (32.0, -3.0, 58.0), _lids_line),
+        (25.0, 6.0, (0.0, -75.0, 40.0), _lips_line),
+    ):
+        rows = row + np.linspace(-2.6, 2.6, 27)
         grid_column, grid_row = np.meshgrid(columns, rows, indexing="ij")
-        points = _meet(_angle(grid_column.ravel()), grid_row.ravel(), np.ones(grid_row.size)).reshape(
-            *grid_row.shape, 3
-        )
-        x = points[:, 26, 0]
-        if row == _LIDS:
-            u = (np.abs(x) - 32) / 15.5
-            line = -4.6 - 4.2 * np.clip(1 - u**2, -0.3, 1) + 1.2 * np.clip(u, -1.3, 1.3)
-            near = _ramp(np.abs(x), 5, 14) * (1 - _ramp(np.abs(x), 50, 64))
-        else:
-            u = x / 26
-            line = -75.3 - 0.7 * np.exp(-((x / 5) ** 2)) + 0.7 * np.exp(-(((np.abs(x) - 12) / 6) ** 2)) - 0.8 * u**2
-            near = 1 - _ramp(np.abs(x), 29, 44)
+        flat = _meet(_angle(grid_column.ravel()), grid_row.ravel(), np.ones(grid_row.size))
+        points = flat.reshape(*grid_row.shape, 3)
+        line, place, near = curve(points[:, 13, 0])
         # Under a bulging lip the height rises again for a few rows; the line takes the first row that comes so low.
-        depth = np.maximum.accumulate(-points[..., 1], axis=1) + 1e-6 * grid_row
-        shift = np.array([np.interp(-y, d, rows) for y, d in zip(line, depth, strict=True)])
-        shift = gaussian_filter1d((shift - row) * near, 5)
-        result.append((row, PchipInterpolator(columns, shift), PchipInterpolator(columns, _ramp(1.15 - u**2, 0, 0.9))))
-    return result
+        drop = np.maximum.accumulate(-points[..., 1], axis=1) + 1e-6 * grid_row
+        shift = np.array([np.interp(-y, d, rows) for y, d in zip(line, drop, strict=True)])
+        shift = gaussian_filter1d((shift - row) * near, 2.5)
+        openness = _ramp(1.15 - place**2, 0, 0.9)
+        result.append(_Fold(row, depth, heart, PchipInterpolator(columns, shift), PchipInterpolator(columns, openness)))
+    return tuple(result)
 
 
 def _shift(column: Floats, row: Floats) -> Floats:
     """Return rows bent so that one row follows the lids' line and one the lips' line."""
     bent = row.copy()
-    for center, shift, _ in _folds():
-        bump = np.clip(1 - ((row - center) / 4.5) ** 2, 0, None) ** 2
-        bent += np.where(np.abs(column) < 20, shift(np.clip(column, -20, 20)) * bump, 0)
+    for fold in _folds():
+        bump = np.clip(1 - ((row - fold.row) / 4.5) ** 2, 0, None) ** 2
+        bent += np.where(np.abs(column) < 20, fold.shift(np.clip(column, -20, 20)) * bump, 0)
     return bent
 
 
@@ -317,18 +355,15 @@ def _skin(column: Floats, row: Floats) -> Floats:
     return _meet(_angle(column), _shift(column, row), np.ones_like(row))
 
 
-def _fold(
-    column: Floats, row: Floats, center: float, openness: PchipInterpolator, depth: float
-) -> tuple[Floats, Floats]:
-    """Return rows and depths in mm of a fold: both walls go in side by side, GAP apart."""
-    beta = (row - center) / _BAND
+def _fold_in(column: Floats, row: Floats, fold: _Fold) -> tuple[Floats, Floats]:
+    """Return rows drawn aside for a fold, and how deep they go in, in mm."""
+    beta = (row - fold.row) / _BAND
     s = np.abs(beta)
-    wide = openness(column)
-    gap = 0.06 * np.clip(s / 0.12, 0, 1)
-    lateral = gap + (1 - 0.06) * np.clip((s - 0.4) / 0.6, 0, 1) ** 1.7
-    lateral = s + (lateral - s) * wide**0.4
-    inward = depth * np.clip(1 - s, 0, 1) ** 2.5 * wide
-    return center + np.sign(beta) * lateral * _BAND, inward
+    wide = fold.openness(column)
+    gap = 0.06
+    aside = gap * np.clip(s / 0.12, 0, 1) + (1 - gap) * np.clip((s - 0.4) / 0.6, 0, 1) ** 1.7
+    aside = s + (aside - s) * wide**0.4
+    return fold.row + np.sign(beta) * aside * _BAND, fold.depth * (1 - s) ** 2.5 * wide
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -398,7 +433,7 @@ def _ridge(a: Floats, b: Floats, radius: float, height: float, *nodes: tuple[flo
 
 def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
     """Height in mm of the ear's front over its plane, at `a` mm backward and `b` mm upward of the canal."""
-    h = rolled * 3.4 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
+    h = rolled * 3.0 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
     h -= rolled * 1.3 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
     h += _ridge(a, b, 3.2, 3.2, (4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22))
     h += _ridge(a, b, 2.6, 2.4, (11, 9), (5, 12.5), (-2, 14))
@@ -410,11 +445,11 @@ def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
 
 
 def _ear_lines(angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return radius of the rim, radius of the crease, freedom from the head and roll of the rim at `angles` in radians."""
+    """Return the rim's radius, the crease's, freedom from the head and the rim's roll at `angles` in radians."""
     degrees = np.degrees(angles)
     rim = _periodic(_OUTLINE, angles)
-    free = _ramp(degrees, -120, -72) * (1 - _ramp(degrees, 105, 150))
-    rolled = _ramp(degrees, -75, -35) * (1 - _ramp(degrees, 130, 170))
+    free = _ramp(degrees, -125, -70) * (1 - _ramp(degrees, 100, 170))
+    rolled = _ramp(degrees, -75, -35) * (1 - _ramp(degrees, 115, 165))
     crease = free * (0.56 * rim - 1.5) + (1 - free) * (rim + 3.5)
     return rim, crease, free, rolled
 
@@ -440,7 +475,7 @@ def _hollow(a: Floats, b: Floats) -> Floats:
 @cache
 def _ear(side: int) -> Floats:
     """Return the (rings, angles, 3) control net of one ear in mm."""
-    angles = np.linspace(-np.pi, np.pi, 160, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, 120, endpoint=False)
     cos, sin = np.cos(angles), np.sin(angles)
     rim, crease, free, rolled = _ear_lines(angles)
 
@@ -472,7 +507,7 @@ def _ear(side: int) -> Floats:
 
     s = np.linspace(0, 1, 13)[1:, None]
     radius = rim + s * (crease - rim)
-    behind = plane(radius, height[-1] - 3.8 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
+    behind = plane(radius, height[-1] - 3.3 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
     onto = (1 - free * (1 - _ramp(s, 0.4, 1.0)))[..., None]
     ground = _ear_ground(_ear_index(radius, angles), side) + (1 - _ramp(s, 0, 0.8))[..., None] * lift
     behind += onto * (ground - behind)
@@ -521,21 +556,21 @@ _ROWS_PATCH, _CROWN, _CAP = 0, 1, 2
 
 
 def _rim_column(p: Floats, q: Floats) -> Floats:
-    """Column of a border point of the crown's or the cap's patch: p across (-AROUND to AROUND), q front to back."""
-    front, back = np.isclose(q, 0), np.isclose(q, SIDE)
-    return np.where(front, p, np.where(back, np.where(p >= 0, BACK - p, -BACK - p), np.sign(p) * (AROUND + q)))
+    """Column of a border point of the crown's or the cap's patch: p across (-_AROUND to _AROUND), q front to back."""
+    front, back = np.isclose(q, 0), np.isclose(q, _SIDE)
+    return np.where(front, p, np.where(back, np.where(p >= 0, _BACK - p, -_BACK - p), np.sign(p) * (_AROUND + q)))
 
 
 def _across(p: Floats, q: Floats, border: dict[str, Floats]) -> Floats:
     """Fill a patch from its border by Coons' rule; `border` maps each side to the points at the same p or q."""
-    u, v = ((p + AROUND) / (2 * AROUND))[:, None], (q / SIDE)[:, None]
+    u, v = ((p + _AROUND) / (2 * _AROUND))[:, None], (q / _SIDE)[:, None]
     sides = (1 - v) * border["front"] + v * border["back"] + (1 - u) * border["left"] + u * border["right"]
     corners = (1 - v) * ((1 - u) * border["fl"] + u * border["fr"]) + v * ((1 - u) * border["bl"] + u * border["br"])
     return sides - corners
 
 
-def _border(p: Floats, q: Floats, curve: object) -> dict[str, Floats]:
-    low, high, zero, far = np.full_like(p, -AROUND), np.full_like(p, AROUND), np.zeros_like(q), np.full_like(q, SIDE)
+def _border(p: Floats, q: Floats, curve: Callable[[Floats], Floats]) -> dict[str, Floats]:
+    low, high, zero, far = np.full_like(p, -_AROUND), np.full_like(p, _AROUND), np.zeros_like(q), np.full_like(q, _SIDE)
     at = {
         "front": (p, zero), "back": (p, far), "left": (low, q), "right": (high, q),
         "fl": (low, zero), "fr": (high, zero), "bl": (low, far), "br": (high, far),
@@ -552,20 +587,22 @@ def _surface(patch: Ints, coords: Floats) -> Floats:
     flat = _across(p, q, _border(p, q, lambda c: np.stack([np.sin(_angle(c)), np.cos(_angle(c))], axis=1)))
     result[patch == _CROWN] = _meet(np.arctan2(flat[:, 0], flat[:, 1]), np.zeros(len(flat)), np.hypot(*flat.T))
     p, q = coords[patch == _CAP].T
-    rim = CubicSpline(np.arange(-BACK, BACK + 1), _rim(), bc_type="periodic")
+    rim = CubicSpline(np.arange(-_BACK, _BACK + 1), _rim(), bc_type="periodic")
     result[patch == _CAP] = _across(p, q, _border(p, q, rim))
     return result
 
 
 @cache
 def _rim() -> Floats:
-    column = np.arange(-BACK, BACK + 1.0)
-    points = _skin(column, np.full_like(column, DOWN))
+    """Return the points of the bust's rim at whole columns from back to back."""
+    column = np.arange(-_BACK, _BACK + 1.0)
+    points = _skin(column, np.full_like(column, _DOWN))
     points[-1] = points[0]
     return points
 
 
 def _rows_surface(column: Floats, row: Floats) -> Floats:
+    """Return (n, 3) points of the rows' patch: the gross surface, its folds and pits, the ears."""
     result = np.empty((len(column), 3))
     rest = np.ones(len(column), dtype=bool)
     for side in (-1, 1):
@@ -573,27 +610,19 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
         result[ear] = _ear_surface(column[ear], row[ear], side)
         rest &= ~ear
     column, row = column[rest], row[rest]
-    depth = np.zeros((len(row), 3))
-    for center, _, openness in _folds():
-        band = (np.abs(row - center) < _BAND) & (np.abs(column) < 20)
-        row[band], inward = _fold(column[band], row[band], center, openness, 6.0 if center == _LIPS else 3.5)
-        depth[band, 0] += inward
+    inward, heart = np.zeros(len(row)), np.zeros((len(row), 3))
+    for fold in _folds():
+        band = (np.abs(row - fold.row) < _BAND) & (np.abs(column) < 20)
+        row[band], inward[band] = _fold_in(column[band], row[band], fold)
+        heart[band] = fold.heart
+        heart[band, 0] *= np.sign(column[band])
+    pits = np.zeros((len(row), 3))
     for side in (-1, 1):
-        column, row, pit = _draw_in(column, row, side)
-        depth[:, 1] += pit * (side == -1)
-        depth[:, 2] += pit * (side == 1)
+        column, row, depth = _draw_in(column, row, side)
+        pits += depth[:, None] * _nostril(side)[2]
     points = _skin(column, row)
-    fold = depth[:, 0] > 0
-    if fold.any():
-        inner = np.where(
-            (points[fold, 1] < -40)[:, None],
-            [0.0, -75, 40],
-            [32.0, -3, 58] * np.where(points[fold, :1] < 0, [-1, 1, 1], 1),
-        )
-        aim = inner - points[fold]
-        points[fold] += depth[fold, :1] * aim / np.linalg.norm(aim, axis=1, keepdims=True)
-    for k, side in ((1, -1), (2, 1)):
-        points += depth[:, k : k + 1] * _nostril(side)[2]
+    aim = heart - points
+    points += pits + (inward / np.linalg.norm(aim, axis=1))[:, None] * aim
     result[rest] = points
     return result
 
@@ -602,12 +631,17 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
 # Sampling: a coarse mesh of the domain, finer where there is more to see; each level splits every triangle in four.
 
 
-def _fine(column: Floats, row: Floats) -> NDArray[np.bool_]:
-    """Whether the 2 x 2 cells about a point of the rows' patch stay apart."""
-    ear = (np.abs(np.abs(column) - _EAR_COLUMN) < _EAR_HALF) & (np.abs(row - _EAR_ROW) < _EAR_HALF)
-    face = (np.abs(column) < 10) & (row > 2) & (row < 36)
-    face |= (np.abs(column) < 12) & (row > 6) & (row < 14)
-    return ear | face
+def _in_ear(column: float, row: float) -> bool:
+    return abs(abs(column) - _EAR_COLUMN) < _EAR_HALF and abs(row - _EAR_ROW) < _EAR_HALF
+
+
+def _size(column: float, row: float) -> float:
+    """Side of the cells in the 2 x 2 block about a point of the rows' patch."""
+    x = abs(column)
+    if x < 4 and 18 < row < 22:  # nostrils
+        return 0.5
+    face = (x < 10 and 2 < row < 36) or (x < 12 and 6 < row < 14)
+    return 1.0 if face or _in_ear(column, row) else 2.0
 
 
 def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tuple[int, float, float, float]]:
@@ -615,13 +649,11 @@ def _blocks(patch: int, low: tuple[int, int], high: tuple[int, int]) -> list[tup
     cells = []
     for p in range(low[0], high[0], 4):
         for q in range(low[1], high[1], 4):
-            if patch != _ROWS_PATCH or (q < 36 and not -AROUND - SIDE <= p < AROUND + SIDE):
+            if patch != _ROWS_PATCH or (q < 36 and not -_AROUND - _SIDE <= p < _AROUND + _SIDE):
                 cells.append((patch, float(p), float(q), 4.0))
                 continue
             for i, j in ((p, q), (p + 2, q), (p, q + 2), (p + 2, q + 2)):
-                size = 1.0 if _fine(np.array(i + 1.0), np.array(j + 1.0)) else 2.0
-                if -4 <= i < 4 and 18 <= j < 22:
-                    size = 0.5
+                size = _size(i + 1, j + 1)
                 steps = np.arange(0, 2, size)
                 cells += [(patch, i + x, j + y, size) for x in steps for y in steps]
     return cells
@@ -631,7 +663,7 @@ def _slants(patch: int, center: tuple[float, float]) -> bool:
     """Whether a cell is split from its low to its high corner; both halves of the head mirror each other."""
     p, q = center
     slant = p > 0
-    if patch == _ROWS_PATCH and _fine(np.array(p), np.array(q)) and abs(p) > AROUND:
+    if patch == _ROWS_PATCH and _in_ear(p, q):
         # Along the rays of the ear, across which its rings turn a corner.
         slant ^= (abs(p) - _EAR_COLUMN) * (q - _EAR_ROW) < 0
     return slant
@@ -640,27 +672,27 @@ def _slants(patch: int, center: tuple[float, float]) -> bool:
 def _vertex(patch: int, p: float, q: float) -> tuple[int, float, float]:
     """The same name for a domain point in every patch that holds it."""
     if patch != _ROWS_PATCH:
-        if abs(p) < AROUND and 0 < q < SIDE:
+        if abs(p) < _AROUND and 0 < q < _SIDE:
             return (patch, p, q)
-        p, q = float(_rim_column(np.array(p), np.array(q))), 0 if patch == _CROWN else DOWN
-    return (_ROWS_PATCH, p if p < BACK else p - 2 * BACK, q)
+        p, q = float(_rim_column(np.array(p), np.array(q))), 0 if patch == _CROWN else _DOWN
+    return (_ROWS_PATCH, p if p < _BACK else p - 2 * _BACK, q)
 
 
 def _coarse() -> tuple[Ints, Ints, Floats]:
     """Return (m, 3) faces, (m,) patches and (m, 3, 2) domain coordinates of the coarsest mesh."""
-    cells = _blocks(_ROWS_PATCH, (-BACK, 0), (BACK, DOWN))
+    cells = _blocks(_ROWS_PATCH, (-_BACK, 0), (_BACK, _DOWN))
     for patch in (_CROWN, _CAP):
-        cells += _blocks(patch, (-AROUND, 0), (AROUND, SIDE))
-    outlines = []
+        cells += _blocks(patch, (-_AROUND, 0), (_AROUND, _SIDE))
+    outlines: list[tuple[int, list[tuple[float, float]]]] = []
     for patch, p, q, size in cells:
         corners = [(p, q), (p, q + size), (p + size, q + size), (p + size, q)]
-        if patch != _ROWS_PATCH:
-            corners = corners[::-1] if patch == _CROWN else corners
-        outlines.append((patch, size, corners))
-    used = {_vertex(patch, *c) for patch, _, corners in outlines for c in corners}
+        if patch == _CROWN:
+            corners.reverse()  # its rows run away from the face
+        outlines.append((patch, corners))
+    used = {_vertex(patch, *c) for patch, corners in outlines for c in corners}
     names: dict[tuple[int, float, float], int] = {}
     faces, patches, coords = [], [], []
-    for patch, size, corners in outlines:
+    for patch, corners in outlines:
         ring: list[tuple[float, float]] = []
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
             ring.append(a)
@@ -685,15 +717,14 @@ def _seams(faces: Ints, patches: Ints, coords: Floats) -> Ints:
     """Return the edges to cut: down the middle of the back from behind the crown, and round the cap."""
     edges = half_edges(faces)
     owner = np.repeat(patches, 3)
-    start, stop = coords.reshape(-1, 2), np.roll(coords, -1, axis=1).reshape(-1, 2)
+    start = coords.reshape(-1, 2)
 
     def both(line: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return line & np.roll(line.reshape(-1, 3), -1, axis=1).ravel()
 
-    rows = (owner == _ROWS_PATCH) & both(np.abs(start[:, 0]) == BACK)
+    rows = (owner == _ROWS_PATCH) & both(np.abs(start[:, 0]) == _BACK)
     crown = (owner == _CROWN) & both((start[:, 0] == 0) & (start[:, 1] >= 12))
-    rim = (owner == _ROWS_PATCH) & both(start[:, 1] == DOWN)
-    del stop
+    rim = (owner == _ROWS_PATCH) & both(start[:, 1] == _DOWN)
     return edges[rows | crown | rim]
 
 
@@ -717,6 +748,7 @@ def _split_corners(values: Floats) -> Floats:
 
 
 def _positions(faces: Ints, patches: Ints, coords: Floats) -> Floats:
+    """Return the (n, 3) points of the vertices, each by the coordinates of the first corner that names it."""
     _, first = np.unique(faces, return_index=True)
     return _surface(np.repeat(patches, 3)[first], coords.reshape(-1, 2)[first])
 
@@ -734,13 +766,24 @@ def _normals(positions: Floats, faces: Ints) -> Floats:
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-DETAILS = {"4k": 0, "16k": 1, "65k": 2, "259k": 3}
-_LAYOUT_LEVEL, _NORMALS_LEVEL = 1, 2
+_LAYOUT_LEVEL = 1  # flattened at this level; finer ones lie between
+_NORMALS_LEVEL = 2  # normals of coarser levels are those of this one
 
 
 def head(detail: str = "65k") -> Mesh:
+    """Build the bust.
+
+    Parameters
+    ----------
+    detail : a level of DETAILS["head"]; all levels are samples of one surface and share one UV layout
+
+    Returns
+    -------
+    a closed mesh in mm of one part, "skin"; the middle between chin and crown lies at the origin. The skin is one
+    chart, cut down the middle of the back; the cap under the bust is another
+    """
     faces, patches, coords = _coarse()
-    level = DETAILS[detail]
+    level = DETAILS["head"].index(detail)
     uv_faces = cut(faces, _seams(faces, patches, coords))
     sampled, middles = [(faces, uv_faces)], []
     for _ in range(max(level, _NORMALS_LEVEL)):
@@ -751,7 +794,8 @@ def head(detail: str = "65k") -> Mesh:
         middles.append(between)
     positions = _positions(faces, patches, coords)
     normals = _normals(positions, faces)
-    plain = np.abs(_solid(positions)) < 1e-3
+    # Where no ear, fold or pit changes the forms, their own slope is better than any mean over triangles.
+    plain = np.abs(_solid(positions)) < 2 * _TOLERANCE
     normals[plain] = _slope(positions[plain])
 
     uv = _layout(positions, sampled, middles)
