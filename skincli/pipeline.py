@@ -26,7 +26,7 @@ from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref,
 from skincli.graph.store import Store
 from skincli.layers.base import Picture
 from skincli.mesh.load import load_builtin, load_mesh
-from skincli.mesh.model import Material, Mesh
+from skincli.mesh.model import Material, Mesh, Urgent
 from skincli.mesh.surface import texel_size
 from skincli.optics.diffusion import burley_width, gaussian_sigma
 from skincli.passes import blur, irradiance, occlusion_band, reflection, resolve
@@ -145,7 +145,7 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
         name = source.file.name if written is None else str(written.value)
         mesh = load_mesh(source.file, source.mm_per_unit, display_path=name, roots=loaded.roots, use_cache=use_cache)
         for note in mesh.notes:
-            _log.info("%s: %s", name, note)
+            _log.log(logging.WARNING if isinstance(note, Urgent) else logging.INFO, "%s: %s", name, note)
     known = [part.name for part in mesh.parts]
     unknown = [name for name in loaded.scene.parts if name not in known]
     if unknown:
@@ -235,8 +235,8 @@ class Pipeline:
                 self.loaded.fault(
                     "render.size",
                     f"a picture of {self.size[0]} x {self.size[1]} samples and an atlas of {self.atlas_size[0]} x "
-                    f"{self.atlas_size[1]} need about {need / 1e9:.0f} GB; {MEMORY_SHARE:.0%} of the {have / 1e9:.0f} GB "
-                    "here are allowed; choose a smaller render.size, render.supersample or render.atlas",
+                    f"{self.atlas_size[1]} need about {need / 1e9:.0f} GB; of the {have / 1e9:.0f} GB here "
+                    f"{MEMORY_SHARE:.0%} are allowed; choose a smaller render.size, render.supersample or render.atlas",
                 )
             )
 

@@ -34,6 +34,7 @@ BROW = ((-30.0, 50.0, 95.0), 9.0)
 EYES = ((-12.0, 28.0, 90.0), 10.5)
 FACE = ((-10.0, 10.0, 80.0), 15.0)
 MOUTH = ((-15.0, -60.0, 90.0), 13.0)
+TANGLE = ((-35.0, -60.0, 85.0), 9.0)
 
 NO_MIRROR = "render.effects.reflection=false"
 NO_GLOSS = "render.effects.specular=false"
@@ -209,8 +210,8 @@ def figure_5(studio: Studio) -> Figure:
 def figure_8(studio: Studio) -> Figure:
     """Occlusion from depth alone, and from normals as well."""
     panels = [
-        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(EYES))
-        for label, samples in (("a  depth only: sphere", "sphere"), ("b  normals: hemisphere", "hemisphere"))
+        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(BROW))
+        for label, samples in (("a  depth only, sphere", "sphere"), ("b  normals, hemisphere", "hemisphere"))
     ]
     return Figure("Figure 8  occlusion", 2, panels)
 
@@ -237,7 +238,7 @@ def figure_12(studio: Studio) -> Figure:
             "skin.surface.reflectance=0.75",
             f"render.effects.reflection_damping={damped}",
             "camera.exposure=-1",
-            *seen(MOUTH),
+            *seen(TANGLE),
         )
         for label, damped in (("a  reflection untreated", "false"), ("b  damped by SSAO", "true"))
     ]

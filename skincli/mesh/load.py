@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from skincli import diskcache
 from skincli.errors import Fault, InputError, LimitError
 from skincli.mesh import surface, unwrap, validate
-from skincli.mesh.model import Material, Mesh, Part
+from skincli.mesh.model import Material, Mesh, Part, Urgent
 from skincli.mesh.surface import Floats
 
 SLIVER = 1e-12
@@ -358,7 +358,7 @@ def _center(pieces: list[_Piece], name: str, notes: list[str]) -> Floats:
         )
     if size.max() > 0.0 and not EXTENT_PLAUSIBLE[0] <= size.max() <= EXTENT_PLAUSIBLE[1]:
         extent = " x ".join(f"{value:.3g}" for value in size)
-        notes.append(f"the mesh measures {extent} mm; if that is not so, correct its unit")
+        notes.append(Urgent(f"the mesh measures {extent} mm; if that is not so, correct its unit"))
     return origin
 
 

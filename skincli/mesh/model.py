@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+class Urgent(str):
+    """A note on a mesh that asks the person to do something; the others only tell what was done."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Material:
     """What the file itself says of a part's look; used where the scene gives the part no skin.

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.errors import Fault, InputError, LimitError
-from skincli.mesh.model import Material
+from skincli.mesh.model import Material, Urgent
 
 MOST_BYTES = 512 * 2**20
 MOST_JSON_BYTES = 64 * 2**20
@@ -142,11 +142,11 @@ def image_material(
     """Return a material with the image file `reference`; without it, and with a note, when it cannot be had."""
     path = references.locate(reference)
     if path is None:
-        notes.append(f"the texture '{reference}' does not exist; its part keeps a plain color")
+        notes.append(Urgent(f"the texture '{reference}' does not exist; its part keeps a plain color"))
         return Material(factor)
     pixels = decode_image(read_file(path, f"{references.name}: {reference}"))
     if pixels is None:
-        notes.append(f"the texture '{reference}' cannot be decoded; its part keeps a plain color")
+        notes.append(Urgent(f"the texture '{reference}' cannot be decoded; its part keeps a plain color"))
         return Material(factor)
     return Material(factor, pixels, path)
 
@@ -880,7 +880,7 @@ class _GltfReader:
             data = self._uri(image["uri"])
         pixels = decode_image(data)
         if pixels is None:
-            self.notes.append(f"the embedded texture {source} cannot be decoded; its part keeps a plain color")
+            self.notes.append(Urgent(f"the embedded texture {source} cannot be decoded; its part keeps a plain color"))
         return Material(factor, pixels)
 
 

@@ -100,7 +100,7 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
     positions : (n, 3) in mm
     faces : (m, 3)
     uv : (n, 2) in mm, every triangle counter-clockwise
-    iterations : number of least-squares steps, each with a line search
+    iterations : most least-squares steps to take, each with a line search; they end when the stretch hardly falls
 
     Returns
     -------
@@ -153,7 +153,7 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
         length = min(1.0, 0.9 * _first_flip(uv, step, faces))
         while (trial := energy(uv + length * step)) > current and length > 1e-6:
             length *= 0.5
-        if trial >= current * (1 - 1e-6):
+        if trial >= current * (1 - 3e-5):
             break
         uv, current = uv + length * step, trial
     return uv

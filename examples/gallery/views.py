@@ -1,0 +1,100 @@
+"""Draws the built-in meshes from five sides, as unlit clay and lit in their example's skin, for the gallery.
+
+Run from anywhere: python examples/gallery/views.py -o out/views
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+import numpy as np
+
+from skincli import images
+from skincli.errors import SkincliError
+from skincli.graph.store import Store
+from skincli.mesh.model import Mesh
+from skincli.passes.camera import look_at
+from skincli.pipeline import Pipeline, load_scene_mesh
+from skincli.scene.model import Camera
+from skincli.scene.paths import load_scene
+
+EXAMPLES = Path(__file__).parents[1]
+SCENES = {"head": "01_human.yaml", "creature": "02_octopus.yaml"}
+
+SIZE = (288, 360)
+FOV = 20.0
+MARGIN = 1.04
+
+#: where the camera stands, seen from the mesh, and what is up in the picture
+VIEWS = {
+    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "three quarters": ((-0.7, 0.15, 0.7), (0.0, 1.0, 0.0)),
+    "side": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "back": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "above": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+}
+
+#: grey all over, in light that comes from everywhere: only the shape and what hides the light from it is seen
+CLAY = (
+    "skin={skin: 1, size: 16, layers: [{color: {albedo: [0.5, 0.5, 0.5]}}]}",
+    "lights=[]",
+    "environment=null",
+    "ambient=[1, 1, 1]",
+    "render.effects={blur: false, specular: false}",
+    "render.occlusion.radius_low=60",
+)
+
+
+def cameras(mesh: Mesh) -> dict[str, Camera]:
+    """Return a camera for each of VIEWS, all at one distance, from which every view of the mesh fits the picture."""
+    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+    points = mesh.positions - (low + high) / 2
+    middle = mesh.origin + (low + high) / 2
+    distance = 0.0
+    for direction, up in VIEWS.values():
+        lens = look_at(np.array(direction), np.zeros(3), np.array(up), FOV, SIZE, 1.0)
+        across, along = np.abs(points @ lens.right), np.abs(points @ lens.up)
+        needed = np.maximum(across / lens.tan_half[0], along / lens.tan_half[1]) - points @ lens.forward
+        distance = max(distance, MARGIN * float(needed.max()))
+    return {
+        name: Camera(
+            position=tuple(map(float, middle + distance * np.array(direction) / math.hypot(*direction))),
+            target=tuple(map(float, middle)),
+            up=up,
+            fov=FOV,
+        )
+        for name, (direction, up) in VIEWS.items()
+    }
+
+
+def sheet(scene: Path, sets: tuple[str, ...]) -> images.Image:
+    """Return the views of a scene's mesh side by side."""
+    loaded = load_scene(scene, (f"render.size={list(SIZE)}", *sets))
+    mesh = load_scene_mesh(loaded)
+    pipeline = Pipeline(loaded, mesh, Store())
+    panels = []
+    for name, camera in cameras(mesh).items():
+        pipeline.look_from(camera)
+        panels.append((name, pipeline.run([], display=True)["display"][..., :3]))
+    return images.contact_sheet(panels, len(panels))
+
+
+@click.command()
+@click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("out/views"), help="folder of the sheets")
+def main(output: Path) -> None:
+    """Write MESH_clay.png and MESH_lit.png for each built-in mesh."""
+    try:
+        for mesh, scene in SCENES.items():
+            for look, sets in (("clay", CLAY), ("lit", ())):
+                file = output / f"{mesh}_{look}.png"
+                images.require_writable(file)
+                images.write_png(file, sheet(EXAMPLES / scene, sets))
+                click.echo(f"{scene} -> {file}")
+    except SkincliError as problem:
+        raise click.ClickException(str(problem)) from None
+
+
+if __name__ == "__main__":
+    main()
