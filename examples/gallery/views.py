@@ -5,7 +5,6 @@ Run from anywhere: python examples/gallery/views.py -o out/views
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
@@ -23,7 +22,7 @@ from skincli.scene.paths import load_scene
 EXAMPLES = Path(__file__).parents[1]
 SCENES = {"head": "01_human.yaml", "creature": "02_octopus.yaml"}
 
-SIZE = (288, 360)
+SIZE = (288, 324)
 FOV = 20.0
 MARGIN = 1.04
 
@@ -48,24 +47,24 @@ CLAY = (
 
 
 def cameras(mesh: Mesh) -> dict[str, Camera]:
-    """Return a camera for each of VIEWS, all at one distance, from which every view of the mesh fits the picture."""
-    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-    points = mesh.positions - (low + high) / 2
-    middle = mesh.origin + (low + high) / 2
-    distance = 0.0
-    for direction, up in VIEWS.values():
-        lens = look_at(np.array(direction), np.zeros(3), np.array(up), FOV, SIZE, 1.0)
-        across, along = np.abs(points @ lens.right), np.abs(points @ lens.up)
-        needed = np.maximum(across / lens.tan_half[0], along / lens.tan_half[1]) - points @ lens.forward
-        distance = max(distance, MARGIN * float(needed.max()))
+    """Return a camera for each of VIEWS, all as far away as the view that needs most room asks for."""
+    lenses, targets, distance = {}, {}, 0.0
+    for name, (direction, up) in VIEWS.items():
+        lens = lenses[name] = look_at(np.array(direction), np.zeros(3), np.array(up), FOV, SIZE, 1.0)
+        axes = np.array([lens.right, lens.up, lens.forward])
+        seen = mesh.positions @ axes.T
+        middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+        targets[name] = mesh.origin + middle @ axes
+        away = np.abs(seen - middle)[:, :2] / lens.tan_half - (seen - middle)[:, 2:]
+        distance = max(distance, MARGIN * float(away.max()))
     return {
         name: Camera(
-            position=tuple(map(float, middle + distance * np.array(direction) / math.hypot(*direction))),
-            target=tuple(map(float, middle)),
-            up=up,
+            position=tuple(map(float, targets[name] - distance * np.array(lens.forward))),
+            target=tuple(map(float, targets[name])),
+            up=lens.up,
             fov=FOV,
         )
-        for name, (direction, up) in VIEWS.items()
+        for name, lens in lenses.items()
     }
 
 

@@ -237,7 +237,7 @@ def test_cylinder_unrolls_to_its_own_size() -> None:
         np.linalg.norm(table[index] - table[np.roll(index, -1, axis=1)], axis=2)
         for table, index in ((uv, opened), (positions, faces))
     ]
-    np.testing.assert_allclose(*lengths, rtol=1e-2)
+    np.testing.assert_allclose(*lengths, rtol=2e-2)
     assert len(border(opened)) == 2 * 24 + 2 * 8
     packed = pack(uv, opened, 1.0)
     assert packed.min() > 0

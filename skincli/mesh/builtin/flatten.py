@@ -153,7 +153,7 @@ def relax(positions: Floats, faces: Ints, uv: Floats, iterations: int) -> Floats
         length = min(1.0, 0.9 * _first_flip(uv, step, faces))
         while (trial := energy(uv + length * step)) > current and length > 1e-6:
             length *= 0.5
-        if trial >= current * (1 - 3e-5):
+        if trial >= current * (1 - 1e-5):
             break
         uv, current = uv + length * step, trial
     return uv
