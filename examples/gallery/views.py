@@ -35,14 +35,15 @@ VIEWS = {
     "above": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
 }
 
-#: grey all over, in light that comes from everywhere: only the shape and what hides the light from it is seen
+#: Grey all over, in light that comes from everywhere: only the shape is seen. Occlusion by depth alone marks not only
+#: what hides light from the surface; it also lets ridges stand out bright from hollows.
 CLAY = (
     "skin={skin: 1, size: 16, layers: [{color: {albedo: [0.5, 0.5, 0.5]}}]}",
     "lights=[]",
     "environment=null",
-    "ambient=[1, 1, 1]",
+    "ambient=[1.7, 1.7, 1.7]",
     "render.effects={blur: false, specular: false}",
-    "render.occlusion.radius_low=60",
+    "render.occlusion={samples: sphere, radius_high: 8, radius_low: 30, a: 1, b: 1}",
 )
 
 

@@ -290,7 +290,8 @@ class FrameGraph:
     def _draw(self, step: _Step, outputs: tuple[str, ...]) -> None:
         node = step.node
         if isinstance(node, Load):
-            self.store.put(step.keys["image"], textures.upload(node.make(), node.format, node.mipmaps), pooled=False)
+            upload = textures.upload(node.make(), node.format, node.mipmaps)
+            self.store.put(step.keys["image"], upload, pooled=False, dear=True)
             return
         assert isinstance(node, Pass)
         calls = self._prepare(node, outputs)
@@ -303,7 +304,7 @@ class FrameGraph:
         for name, output, target in zip(outputs, declared, targets, strict=True):
             if output.mipmaps:
                 target.handle.build_mipmaps()
-            self.store.put(step.keys[name], target)
+            self.store.put(step.keys[name], target, dear=node.dear)
 
     def _texture(self, node: Pass, draw: Draw, name: str, needed: set[str]) -> Texture:
         """Return what a draw reads as `name`: a constant where the outputs at hand do not depend on it."""

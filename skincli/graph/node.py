@@ -171,6 +171,8 @@ class Pass(Node):
     additive: ClassVar[bool] = False
     #: keep the nearest surface only
     depth: ClassVar[bool] = False
+    #: costs more to make than its memory is worth: the memo lets go of it last
+    dear: ClassVar[bool] = False
 
     def __init__(
         self,

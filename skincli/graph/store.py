@@ -43,6 +43,7 @@ class Store:
         self.pool = TexturePool()
         self._kept: OrderedDict[str, Texture] = OrderedDict()
         self._owned: set[str] = set()
+        self._dear: set[str] = set()
 
     def __contains__(self, key: str) -> bool:
         return key in self._kept
@@ -52,24 +53,34 @@ class Store:
         self._kept.move_to_end(key)
         return self._kept[key]
 
-    def put(self, key: str, texture: Texture, pooled: bool = True) -> None:
-        """Keep a texture; one that is not `pooled` (an upload) is destroyed on eviction, not handed out again."""
+    def put(self, key: str, texture: Texture, pooled: bool = True, dear: bool = False) -> None:
+        """Keep a texture.
+
+        Parameters
+        ----------
+        pooled : False (an upload) is destroyed on eviction, not handed out again
+        dear : costs more to make than its memory is worth, and goes last
+        """
         self._kept[key] = texture
         if not pooled:
             self._owned.add(key)
+        if dear:
+            self._dear.add(key)
 
     def evict(self, pinned: Collection[str]) -> None:
         """Let go of the least recently used textures until the rest fits the budget; pinned ones stay.
 
+        Dear ones go only when no other is left, for the targets of one large picture may fill the budget alone.
         Memory that waits to be handed out again counts too, and is freed first.
         """
         total = sum(texture.bytes for texture in self._kept.values())
-        for key in list(self._kept):
+        for key in sorted(self._kept, key=self._dear.__contains__):  # stable: the least recently used first
             if total <= self.budget:
                 break
             if key in pinned:
                 continue
             texture = self._kept.pop(key)
+            self._dear.discard(key)
             total -= texture.bytes
             if key in self._owned:
                 self._owned.discard(key)

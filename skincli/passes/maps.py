@@ -70,6 +70,7 @@ class Maps(Pass):
     extent : side of the flat square, mm
     """
 
+    dear = True
     shader = "passes/maps.frag"
     outputs = {
         "albedo": Output("rgba16f", mipmaps=True),

@@ -25,6 +25,7 @@ class SiteValues(Values):
 class Site(Pass):
     """Rasterises the mesh into the maps' uv: position (mm, w = covered), normal (unit, w = mm per texel)."""
 
+    dear = True
     shader = "passes/site.frag"
     vertex = "passes/site.vert"
     outputs = {"position": Output(), "normal": Output()}

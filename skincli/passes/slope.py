@@ -19,6 +19,7 @@ class SlopeValues(Values):
 class Slope(Pass):
     """(dH/du, dH/dv) in mm per unit of uv, and the dimensionless slopes of normal maps."""
 
+    dear = True
     shader = "passes/slope.frag"
     inputs = {"height": Input(), "tangent_slope": Input()}
     outputs = {"slope": Output("rgba32f", mipmaps=True)}
