@@ -20,6 +20,7 @@ from skincli.color import srgb_decode
 from skincli.errors import SkincliError
 from skincli.graph.store import Store
 from skincli.layers.color import Color
+from skincli.mesh.builtin import DETAILS
 from skincli.mesh.model import Mesh
 from skincli.pipeline import Pipeline, load_scene_mesh
 from skincli.render import data_to_unit
@@ -93,7 +94,7 @@ class Studio:
     ----------
     size : width and height of a panel, pixels
     atlas : side of the atlas, texels; None: the paper's
-    detail : of the mesh, such as "65k"
+    detail : of the mesh, one of its DETAILS
     """
 
     def __init__(self, size: tuple[int, int], atlas: int | None = None, detail: str = "259k") -> None:
@@ -311,7 +312,7 @@ def size_of(context: click.Context, parameter: click.Parameter, text: str) -> tu
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=Path("out/paper"), help="folder of the sheets")
 @click.option("--size", default="480x540", callback=size_of, metavar="WxH", help="size of a panel, pixels")
 @click.option("--atlas", type=int, metavar="N", help="side of the atlas, texels; left out: the paper's 2500")
-@click.option("--detail", default="259k", help="detail of the creature: 4k, 16k, 65k or 259k")
+@click.option("--detail", type=click.Choice(DETAILS["creature"]), default="259k", help="detail of the creature")
 def main(figures: Sequence[str], output: Path, size: tuple[int, int], atlas: int | None, detail: str) -> None:
     """Write fig03.png to fig15.png, or the FIGURES that are named, and say how much neighboring panels differ."""
     try:

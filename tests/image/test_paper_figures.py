@@ -14,8 +14,11 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 
 from skincli import images
+from skincli.mesh.builtin import DETAILS
 
 FILE = Path(__file__).parents[2] / "examples" / "paper" / "figures.py"
+
+COARSE = DETAILS["creature"][0]
 
 #: least mean absolute difference of neighboring panels, linear, where full light on white skin is about 1
 LEAST = 0.004
@@ -37,7 +40,7 @@ script = load_script()
 @pytest.fixture(scope="module")
 def figure(ctx: object) -> Any:
     """Make a figure, small, of a coarse creature, one sample a pixel."""
-    studio = script.Studio((96, 96), atlas=256, detail="4k")
+    studio = script.Studio((96, 96), atlas=256, detail=COARSE)
     studio.sets += ["skin.size=512", "render.supersample=1"]
     made: dict[str, Any] = {}
 
@@ -123,7 +126,7 @@ def test_effects_add_and_take_away_light(figure: Any) -> None:
 
 
 def test_sheets_are_written(ctx: object, tmp_path: Path) -> None:
-    options = ["-o", str(tmp_path), "--size", "48x40", "--atlas", "64", "--detail", "4k", "9"]
+    options = ["-o", str(tmp_path), "--size", "48x40", "--atlas", "64", "--detail", COARSE, "9"]
     result = CliRunner().invoke(script.main, options)
     assert result.exit_code == 0, result.output
     assert "high frequency | b  low frequency" in result.output
