@@ -134,7 +134,7 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
     """
     source = loaded.scene.mesh
     if source.builtin is not None:
-        detail = None if source.detail is None else f"{round(source.detail / 1000)}k"
+        detail = None if source.detail is None else _count_text(source.detail)
         try:
             mesh = load_builtin(source.builtin, detail, use_cache=use_cache)
         except InputError as error:
@@ -159,10 +159,20 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
     return mesh
 
 
+def _count_text(count: int) -> str:
+    """Return 259000 as it is written in YAML, 259k."""
+    return f"{count // 1000}k" if count % 1000 == 0 else str(count)
+
+
 def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
-    """Return the distinct looks of a mesh and, per part, the index of its own."""
+    """Return the distinct looks of a mesh and, per part, the index of its own.
+
+    Parts that share a skin share its maps, unless the authored uv overlap: then each part has maps of its own, so that
+    eyes and skin that both fill the unit square do not draw over each other.
+    """
     looks: list[Look] = []
     index = []
+    apart = not mesh.uv_is_unique and len(mesh.parts) <= irradiance.MAX_SLOTS
     for part in mesh.parts:
         # A part that is named without a skin keeps the mesh file's material.
         found = loaded.skins.get(part.name if part.name in loaded.scene.parts else "")
@@ -171,7 +181,7 @@ def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
         else:
             plain = Surface(bumpiness=0.0, reflectance=0.0)
             look = Look(plain, None, None, part.material or Material())
-        same = next((i for i, other in enumerate(looks) if other is look or _same(other, look)), None)
+        same = None if apart else next((i for i, other in enumerate(looks) if _same(other, look)), None)
         if same is None:
             looks.append(look)
             same = len(looks) - 1

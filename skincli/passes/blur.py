@@ -160,6 +160,7 @@ def separable(
                 )
             )
             for slot, taps in enumerate(kernels, start=1)
+            if slot == 1 or taps != kernels[0]
         ]
 
     rows = Blur(f"{name}_rows", size, draws((1, 0), False, coverage_only), {"image": image, "owner": owner})

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from skincli.gpu.counters import COUNTERS
+from skincli.mesh.model import Mesh, Part
 from skincli.metrics import flip
 from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
 from skincli.scene.model import Camera
@@ -265,3 +266,40 @@ def test_large_pictures_do_not_push_the_maps_out_of_the_memo(pipeline: Make, mon
     states = {report.name: report.state for report in made.reports}
     assert {states[name] for name in ("skin0_maps", "skin0_site", "environment")} == {"reused"}
     assert states["view"] == "ran"
+
+
+def test_parts_that_share_the_texture_square_have_patterns_of_their_own(
+    ctx: object, load: Callable[..., LoadedScene], mesh: Mesh
+) -> None:
+    """Two balls side by side with equal uv: the pattern of one must not be the other's, nor cut at its seams."""
+    count = len(mesh.positions)
+    away = np.array([200.0, 0.0, 0.0])
+    half = mesh.atlas_uv * [0.5, 1.0]
+    two = Mesh(
+        np.concatenate([mesh.positions, mesh.positions + away]),
+        np.concatenate([mesh.normals] * 2),
+        np.concatenate([mesh.uv] * 2),
+        np.concatenate([half, half + [0.5, 0.0]]),
+        np.concatenate([mesh.faces, mesh.faces + count]).astype(np.int32),
+        (Part("left", 0, len(mesh.faces)), Part("right", len(mesh.faces), 2 * len(mesh.faces))),
+        uv_is_unique=False,
+    )
+    sets = ("camera.position=[100, 0, 900]", "camera.target=[100, 0, 0]", "skin.surface.bumpiness=0")
+    both = Pipeline(load(*sets), two).run(["albedo", "depth"])
+    alone = [
+        Pipeline(load(*sets), replace(mesh, positions=mesh.positions + shift)).run(["albedo"])["albedo"]
+        for shift in (0 * away, away)
+    ]
+    expected = np.where(alone[0] > 0, alone[0], alone[1])
+    seen = both["depth"][..., 0] > 0
+    assert seen.mean() > 0.1
+    assert np.quantile(np.abs(both["albedo"] - expected)[seen], 0.99) < 0.01
+    assert np.abs(alone[0][:, :80] - np.roll(alone[1], -35, axis=1)[:, :80]).max() > 0.05
+
+
+def test_many_lights_add_up(pipeline: Make) -> None:
+    light = "{type: directional, direction: [-0.5, -0.3, -1], irradiance: [0.01, 0.02, 0.03]}"
+    one = pipeline("ambient=[0, 0, 0]", f"lights=[{light}]").run(["irradiance"])["irradiance"]
+    many = pipeline("ambient=[0, 0, 0]", f"lights=[{', '.join([light] * 200)}]").run(["irradiance"])["irradiance"]
+    assert one.max() > 0.02
+    np.testing.assert_allclose(many, 200 * one, rtol=2e-5)
