@@ -282,6 +282,7 @@ def test_parts_that_share_the_texture_square_have_patterns_of_their_own(
         np.concatenate([half, half + [0.5, 0.0]]),
         np.concatenate([mesh.faces, mesh.faces + count]).astype(np.int32),
         (Part("left", 0, len(mesh.faces)), Part("right", len(mesh.faces), 2 * len(mesh.faces))),
+        origin=mesh.origin,
         uv_is_unique=False,
     )
     sets = ("camera.position=[100, 0, 900]", "camera.target=[100, 0, 0]", "skin.surface.bumpiness=0")
@@ -293,7 +294,7 @@ def test_parts_that_share_the_texture_square_have_patterns_of_their_own(
     expected = np.where(alone[0] > 0, alone[0], alone[1])
     seen = both["depth"][..., 0] > 0
     assert seen.mean() > 0.1
-    assert np.quantile(np.abs(both["albedo"] - expected)[seen], 0.99) < 0.01
+    np.testing.assert_allclose(both["albedo"][seen], expected[seen], atol=1e-3)
     assert np.abs(alone[0][:, :80] - np.roll(alone[1], -35, axis=1)[:, :80]).max() > 0.05
 
 
