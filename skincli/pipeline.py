@@ -44,7 +44,7 @@ from skincli.passes.site import Site, SiteValues
 from skincli.passes.slope import Slope, SlopeValues
 from skincli.passes.specular import Specular, SpecularValues
 from skincli.passes.view import View, ViewValues
-from skincli.scene.model import Camera, Light, Scene
+from skincli.scene.model import Camera, Light
 from skincli.scene.paths import LoadedScene
 from skincli.scene.skin import Optics, Skin, Surface
 
@@ -194,7 +194,10 @@ def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
 def _same(one: Look, other: Look) -> bool:
     if one.skin is not None or other.skin is not None:
         return one.skin is other.skin
-    return one.material is other.material
+    if one.material is None or other.material is None:
+        return one.material is other.material
+    same_image = one.material.base_color_image is other.material.base_color_image
+    return same_image and one.material.base_color == other.material.base_color
 
 
 def frame_camera(mesh: Mesh, size: tuple[int, int]) -> Camera:
@@ -617,6 +620,3 @@ def load_picture(picture: Picture) -> Load:
     digest = file_digest(path)
     format = "rgba32f" if role == "grey" else "rgba16f"
     return Load(f"image {path.name} {digest[:8]} {role}", f"{digest} {role}", lambda: [readers[role]()], format, True)
-
-
-__all__ = ["OUTPUTS", "Pipeline", "Scene", "file_digest", "load_picture", "load_scene_mesh"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skincli.errors import LimitError
 from skincli.gpu.blocks import Taps, Values
-from skincli.graph.node import ONE, Constant, Input, Output, Pass, Ref, Source
+from skincli.graph.node import ONE, Draw, Input, Output, Pass, Ref, Source
 
 NO_DIVISION, BY_ALPHA, BY_COVERAGE = range(3)
 
@@ -21,6 +21,9 @@ WINDOW_SIGMAS = 2.0
 
 #: standard deviations kept on each side of a Gaussian that is given by its width in mm: 0.13 % at an edge
 KEPT_SIGMAS = 3.0
+
+#: taps of a blur that changes nothing
+IDENTITY: tuple[tuple[float, ...], ...] = ((1.0, 1.0, 1.0, 1.0),)
 
 #: below this share of blurred coverage an average is rounding noise
 LEAST_COVERAGE = 1e-4
@@ -142,7 +145,6 @@ def separable(
     kernels : taps, one set for all texels or one per slot of the owner
     division, coverage, empty : see BlurValues; the division happens once, after the second direction
     """
-    from skincli.graph.node import Draw
 
     def draws(step: tuple[int, int], last: bool, only: bool) -> list[Draw]:
         return [
@@ -202,8 +204,3 @@ def twin(values: BlurValues, image: NDArray[np.float64], coverage: NDArray[np.fl
     divided = np.concatenate([total[..., :3] / np.where(known, share, 1), np.ones((*total.shape[:2], 1))], axis=-1)
     nothing = np.array([values.empty] * 3 + [0.0])
     return np.where(known, divided, nothing)
-
-
-IDENTITY: tuple[tuple[float, ...], ...] = ((1.0, 1.0, 1.0, 1.0),)
-
-__all__ = ["BY_ALPHA", "BY_COVERAGE", "IDENTITY", "NO_DIVISION", "Blur", "BlurValues", "Constant"]
