@@ -20,8 +20,10 @@ lint: setup ## check style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-gallery: setup ## render the scenes of examples/ into docs/gallery/
+gallery: setup ## render the scenes, views and figures of examples/ into docs/gallery/
 	$(call render_examples,docs/gallery)
+	$(BIN)/python examples/gallery/views.py -o docs/gallery
+	$(BIN)/python examples/paper/figures.py -o docs/gallery/paper --size 320x360
 
 bench: setup ## measure time and error on this machine; options in ARGS
 	$(BIN)/skincli bench $(ARGS)
@@ -33,7 +35,8 @@ define render_examples
 @mkdir -p $(1); \
 for scene in examples/[0-9]*.yaml; do \
     test -e "$$scene" || { echo "there is no scene in examples/" >&2; exit 1; }; \
-    picture=$(1)/$$(basename "$$scene" .yaml).png; \
+    name=$$(basename "$$scene" .yaml); \
+    picture=$(1)/$${name#*_}.png; \
     echo "$$scene -> $$picture"; \
     $(BIN)/skincli render "$$scene" -o "$$picture" || exit; \
 done; \

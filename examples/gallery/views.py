@@ -35,7 +35,7 @@ VIEWS = {
     "above": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
 }
 
-#: Grey all over, in light that comes from everywhere: only the shape is seen. Occlusion by depth alone marks not only
+#: Gray all over, in light that comes from everywhere: only the shape is seen. Occlusion by depth alone marks not only
 #: what hides light from the surface; it also lets ridges stand out bright from hollows.
 CLAY = (
     "skin={skin: 1, size: 16, layers: [{color: {albedo: [0.5, 0.5, 0.5]}}]}",

@@ -32,6 +32,7 @@ Array = NDArray[np.float32]
 
 #: where the camera looks, mm, and its field of view, degrees
 BROW = ((-30.0, 50.0, 95.0), 9.0)
+CHEEK = ((-55.0, 14.0, 85.0), 7.5)
 EYES = ((-12.0, 28.0, 90.0), 10.5)
 FACE = ((-10.0, 10.0, 80.0), 15.0)
 MOUTH = ((-15.0, -60.0, 90.0), 13.0)
@@ -100,7 +101,12 @@ class Studio:
     def __init__(self, size: tuple[int, int], atlas: int | None = None, detail: str = "259k") -> None:
         self.size = size
         # The paper has a bumpiness of 1 in all figures but Figure 4.
-        self.sets = [f"render.size={list(size)}", f"mesh.detail={detail}", "skin.surface.bumpiness=1", "skin.surface.reflectance=0.1"]
+        self.sets = [
+            f"render.size={list(size)}",
+            f"mesh.detail={detail}",
+            "skin.surface.bumpiness=1",
+            "skin.surface.reflectance=0.1",
+        ]
         if atlas is not None:
             self.sets.append(f"render.atlas={atlas}")
         self.store = Store()
@@ -186,9 +192,7 @@ def figure_4(studio: Studio) -> Figure:
         studio.beauty(f"{letter}  bumpiness {bump:g}", setting, NO_MIRROR, *seen(FACE), colored=False)
         for letter, setting, bump in bumps
     ]
-    complete = [
-        studio.beauty(f"{letter}  {bump:g}, complete", setting, *seen(FACE)) for letter, setting, bump in bumps
-    ]
+    complete = [studio.beauty(f"{letter}  {bump:g}, complete", setting, *seen(FACE)) for letter, setting, bump in bumps]
     return Figure("Figure 4  bumpiness", 3, [*plain, *complete])
 
 
@@ -211,7 +215,7 @@ def figure_5(studio: Studio) -> Figure:
 def figure_8(studio: Studio) -> Figure:
     """Occlusion from depth alone, and from normals as well."""
     panels = [
-        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(BROW))
+        studio.factor(label, "occlusion", f"render.occlusion.samples={samples}", *seen(CHEEK))
         for label, samples in (("a  depth only, sphere", "sphere"), ("b  normals, hemisphere", "hemisphere"))
     ]
     return Figure("Figure 8  occlusion", 2, panels)
@@ -247,8 +251,9 @@ def figure_12(studio: Studio) -> Figure:
 
 
 def figure_13(studio: Studio) -> Figure:
-    """The final picture."""
-    return Figure("Figure 13", 1, [studio.beauty("final, reflectance 0.1")])
+    """The final picture, twice as large as other panels."""
+    large = f"render.size={[2 * side for side in studio.size]}"
+    return Figure("Figure 13", 1, [studio.beauty("final, reflectance 0.1", large, "skin.surface.reflectance=0.1")])
 
 
 def figure_14(studio: Studio) -> Figure:
@@ -259,9 +264,7 @@ def figure_14(studio: Studio) -> Figure:
         "c  with SSAO": (NO_GLOSS,),
         "d  with specular": (),
     }
-    panels = [
-        studio.beauty(label, *sets, NO_MIRROR, *seen(FACE), colored=False) for label, sets in steps.items()
-    ]
+    panels = [studio.beauty(label, *sets, NO_MIRROR, *seen(FACE), colored=False) for label, sets in steps.items()]
     return Figure("Figure 14  subsurface scattering, step by step", 4, panels)
 
 

@@ -40,8 +40,8 @@ script = load_script()
 @pytest.fixture(scope="module")
 def figure(ctx: object) -> Any:
     """Make a figure, small, of a coarse creature, one sample a pixel."""
-    studio = script.Studio((96, 96), atlas=256, detail=COARSE)
-    studio.sets += ["skin.size=512", "render.supersample=1"]
+    studio = script.Studio((128, 128), atlas=640, detail=COARSE)
+    studio.sets += ["skin.size=768", "render.supersample=1"]
     made: dict[str, Any] = {}
 
     def make(number: str) -> Any:
@@ -53,9 +53,9 @@ def figure(ctx: object) -> Any:
 
 
 def contrast(panel: Any) -> float:
-    """Return the mean step between pixels side by side on the creature."""
-    both = panel.mask[:, 1:] & panel.mask[:, :-1]
-    return float(np.abs(np.diff(panel.values, axis=1))[both].mean())
+    """Return how far a pixel of the creature commonly lies off the mean of those beside it; edges do not count."""
+    inside = panel.mask[:, 2:] & panel.mask[:, 1:-1] & panel.mask[:, :-2]
+    return float(np.median(np.abs(np.diff(panel.values, 2, axis=1))[inside]))
 
 
 def on_creature(panel: Any) -> NDArray[np.float32]:
@@ -82,9 +82,9 @@ def test_only_panels_of_a_row_are_neighbors(figure: Any) -> None:
 
 
 def test_bumps_roughen_the_light(figure: Any) -> None:
-    for row in (slice(0, 3), slice(3, 6)):
-        smooth, bumpy, rough = map(contrast, figure("4").panels[row])
-        assert smooth < bumpy < rough
+    smooth, bumpy, rough = map(contrast, figure("4").panels[:3])
+    assert 1.1 * smooth < bumpy
+    assert 1.2 * bumpy < rough
 
 
 def test_a_wider_blur_softens_the_light(figure: Any) -> None:
@@ -100,8 +100,8 @@ def test_depth_alone_darkens_flat_skin(figure: Any) -> None:
         assert on_creature(panel).max() <= 1
     open_skin = hemisphere.mask & (hemisphere.values[..., 0] > 0.95)
     assert open_skin.mean() > 0.2
-    # Half of a sphere about a point of a plane lies below it.
-    assert 0.4 < np.median(sphere.values[open_skin]) < 0.65
+    # Half of a sphere about a point of a plane lies below it, and most of that far enough to count.
+    assert 0.4 < np.median(sphere.values[open_skin]) < 0.75
 
 
 def test_occlusion_damps_the_reflection(figure: Any) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from skincli.errors import InputError, did_you_mean
+from skincli.mesh.builtin.levels import DETAILS as DETAILS
 from skincli.mesh.model import Mesh
-
-DETAILS: dict[str, tuple[str, ...]] = {"head": ("4k", "16k", "65k", "259k"), "creature": ("16k", "65k", "259k")}
-"""The levels of detail of each mesh: about how many triangles it has, of which "65k" is taken unless one is named."""
 
 
 def build(name: str, detail: str | None = None) -> Mesh:

@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 
-from skincli.errors import InputError
 from skincli.mesh.builtin.flatten import pack, relax
+from skincli.mesh.builtin.levels import DETAILS
 from skincli.mesh.model import Mesh, Part
 
 Array = NDArray[np.float64]
@@ -63,11 +63,10 @@ def _cone(p: Array, a: tuple[float, ...], b: tuple[float, ...], ra: float, rb: f
 
 
 def _gradient(field: Callable[[Array], Array], points: Array) -> Array:
-    """Unit gradient of a field, by central differences."""
-    step = 0.05
-    both = field(np.concatenate([points + sign * step * axis for axis in np.eye(3) for sign in (1.0, -1.0)]))
-    plus_minus = both.reshape(3, 2, len(points))
-    return _unit((plus_minus[:, 0] - plus_minus[:, 1]).T + 1e-12)
+    """Unit gradient of a field, by its differences over a tetrahedron's corners."""
+    probes = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+    values = field((points + 0.05 * probes[:, None]).reshape(-1, 3)).reshape(4, len(points))
+    return _unit(values.T @ probes + 1e-12)
 
 
 def _bust(points: Array) -> Array:
@@ -611,8 +610,14 @@ class _Tube:
 
 def _settle(field: Callable[[Array], Array], points: Array, direction: Array) -> Array:
     """Move points that are near the zero set of `field` onto it, along their rays."""
+    points = points.copy()
+    active = np.arange(len(points))
     for _ in range(8):
-        points = points - 0.8 * field(points)[:, None] * direction
+        d = field(points[active])
+        points[active] -= 0.8 * d[:, None] * direction[active]
+        active = active[np.abs(d) > 1e-4]
+        if not len(active):
+            break
     return points
 
 
@@ -718,13 +723,14 @@ def _flatten_grid(points: Array, theta: Array) -> Array:
 _MARGIN = 3.0  # free border round each chart, mm
 
 
-def _layout(shapes: tuple[_Body | _Tube, ...]) -> list[Array]:
+@cache
+def _layout() -> list[Array]:
     """Where each chart lies in the unit square: for each shape the (3, 2) matrix that takes (u, v, 1), u and v in mm.
 
     The coarsest level decides for all, so that a texture made for one level fits the others.
     """
-    coarse = [shape.samples(0) for shape in shapes]
-    charts = [shape.chart(params) for shape, (params, _) in zip(shapes, coarse, strict=True)]
+    coarse = _samples(0)
+    charts = [shape.chart(params) for shape, (params, _) in zip(_shapes(), coarse, strict=True)]
     first = np.cumsum([0, *map(len, charts)])
     faces = np.concatenate([faces + start for (_, faces), start in zip(coarse, first[:-1], strict=True)])
     packed = np.split(pack(np.concatenate(charts), faces, _MARGIN), first[1:-1])
@@ -735,13 +741,16 @@ def _with_one(points: Array) -> Array:
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
-_LEVELS = ("16k", "65k", "259k")
-
-
 @cache
 def _shapes() -> tuple[_Body | _Tube, ...]:
     line, ventral = _curves()
     return (_Body(), *(_Tube(arm, *curve) for arm, *curve in zip(_ARMS, line, ventral, strict=True)))
+
+
+@cache
+def _samples(level: int) -> list[tuple[Array, NDArray[np.int64]]]:
+    """Parameters and triangles of all shapes at one of the two levels that are sampled afresh."""
+    return [shape.samples(level) for shape in _shapes()]
 
 
 def creature(detail: str = "65k") -> Mesh:
@@ -749,30 +758,20 @@ def creature(detail: str = "65k") -> Mesh:
 
     Parameters
     ----------
-    detail : about how many triangles: "16k", "65k" or "259k". All three sample the same smooth surface.
+    detail : a level of DETAILS["creature"]; all sample the same smooth surface
 
     Returns
     -------
     the mesh, in mm, y up, the face toward +z, about 350 mm high; its parts are "body" and "tentacles"
-
-    Raises
-    ------
-    InputError : when `detail` is none of the three
     """
-    if detail not in _LEVELS:
-        raise InputError(
-            f"the creature has no detail {detail!r}; allowed are {', '.join(_LEVELS)}; write one of these or none"
-        )
-    level = _LEVELS.index(detail)
-    shapes = _shapes()
+    level = DETAILS["creature"].index(detail)
     pieces = []
-    for shape in shapes:
-        params, faces = shape.samples(min(level, 1))
+    for shape, (params, faces) in zip(_shapes(), _samples(min(level, 1)), strict=True):
         if level == 2:
             params, faces = _halve(params, faces)
         position, normal = shape.surface(params)
         pieces.append((position, normal, shape.chart(params), faces))
-    uv = np.concatenate([_with_one(piece[2]) @ place for piece, place in zip(pieces, _layout(shapes), strict=True)])
+    uv = np.concatenate([_with_one(piece[2]) @ place for piece, place in zip(pieces, _layout(), strict=True)])
     first = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
     triangles = np.concatenate([piece[3] + start for piece, start in zip(pieces, first[:-1], strict=True)])
     body = len(pieces[0][3])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d, map_coordinates
 
-from skincli.mesh.builtin import DETAILS
 from skincli.mesh.builtin.flatten import charts, cut, flatten, half_edges, pack, relax
+from skincli.mesh.builtin.levels import DETAILS
 from skincli.mesh.model import Mesh, Part
 
 Floats = NDArray[np.float64]
@@ -125,7 +125,7 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _ellipsoid(p, (0, 46, 24), (59, 57, 63)), 30)
     # Face: upper jaw, cheekbones, lower jaw, chin.
     f = _blend(f, _ellipsoid(p, (0, -38, 38), (50, 62, 46)), 26)
-    f = _blend(f, _rope(m, (33, -20, 65, 10), (53, -17, 44, 10), (63, -13, 18, 7), (66, -11, -4, 6)), 26)
+    f = _blend(f, _rope(m, (33, -20, 65, 10), (53, -17, 44, 10), (63, -13, 18, 6), (66, -11, -4, 4)), 26)
     f = _blend(f, _rope(m, (56, 0, -14, 13.5), (56, -34, -10, 13.5)), 32)
     f = _blend(f, _rope(m, (56, -28, 2, 12), (43, -78, 10, 12), (26, -100, 46, 13), (8, -106, 72, 14)), 26)
     f = _blend(f, _ellipsoid(p, (0, -98, 38), (26, 18, 38)), 16)
@@ -135,7 +135,8 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _ellipsoid(p, (0, -74, 62), (35, 30, 27)), 20)
     # Neck and shoulders.
     neck = _rope(p, (0, -40, -25, 47), (0, -200, -33, 54))
-    neck = _blend(neck, _rope(m, (22, -28, -49, 18), (30, -190, -54, 20)), 44)
+    nape = np.stack([np.sqrt(p[:, 0] ** 2 + 14.0**2), p[:, 1], p[:, 2]], axis=1)  # without a furrow in the middle
+    neck = _blend(neck, _rope(nape, (26, -28, -49, 18), (33, -190, -54, 20)), 44)
     neck = _blend(neck, _rope(m, (16, -128, -40, 22), (98, -200, -36, 22)), 40)
     neck = _blend(neck, _rope(m, (59, -40, -24, 8), (13, -186, 22, 9)), 20)
     neck = _blend(neck, _ellipsoid(p, (0, -146, 20), (10, 16, 12)), 18)
@@ -148,24 +149,25 @@ def _solid(points: Floats) -> Floats:
     f = _blend(f, _rope(m, (8, 19, 80, 7), (26, 24, 75, 8), (45, 21, 61, 8), (55, 6, 46, 6), (54, -12, 43, 4)), 16)
     f = _blend(f, _ellipsoid(m, (32, -3, 64), (16, 12.5, 14.5)), 10)
     # Nose.
-    nose = _rope(p, (0, 14, 79, 7), (0, -8, 87, 7), (0, -34, 101, 7.5))
+    nose = _rope(p, (0, 14, 79, 7), (0, -8, 87, 7), (0, -35, 101, 7.5))
     nose = _blend(nose, _rope(m, (7, 2, 74, 6), (10, -24, 83, 8), (11, -42, 90, 8)), 12)
-    nose = _blend(nose, _ellipsoid(p, (0, -40, 105.5), (9, 8.5, 9)), 7)
-    nose = _blend(nose, _ellipsoid(m, (11.8, -45, 96.5), (6, 6.5, 9.5)), 6)
-    nose = _blend(nose, _rope(p, (0, -44, 104, 5.5), (0, -48, 93, 6)), 7)
-    nose = _blend(nose, _ellipsoid(p, (0, -46.5, 95), (13, 5.5, 9)), 6)
+    nose = _blend(nose, _ellipsoid(p, (0, -42, 105.5), (9, 8.5, 9)), 7)
+    nose = _blend(nose, _ellipsoid(m, (12, -44, 96.5), (6, 7, 9.5)), 6)
+    nose = _blend(nose, _rope(p, (0, -45, 104, 5.5), (0, -47, 93, 6)), 7)
+    nose = _blend(nose, _ellipsoid(p, (0, -45.3, 95), (13, 5.5, 9)), 6)
     f = _blend(f, nose, 10)
     # Mouth.
     f = _blend(f, _rope(m, (0, -70.5, 92, 4.6), (8, -70, 91, 5), (17, -72.5, 85.5, 4.2), (26, -75.5, 77, 3)), 6)
     f = _blend(f, _rope(m, (0, -81, 90, 6.2), (9, -80.5, 89.5, 6), (18, -78.5, 84.5, 4.5), (26, -75.5, 77, 3)), 9)
-    f += _stroke(p, 7, -1.6, (-13, -90.5, 88), (0, -91.5, 91), (13, -90.5, 88))
+    f += _stroke(p, 7, -1.4, (-19, -88, 83), (-10, -90.5, 89), (0, -91.5, 91), (10, -90.5, 89), (19, -88, 83))
     f += _stroke(m, 3.2, -2.6, (0, -75.6, 97), (8, -75, 96), (17, -75.5, 90), (27, -76, 79))
-    f += _stroke(p, 3, -1.2, (0, -60, 91.5), (0, -67, 96))
-    f += _stroke(m, 2.2, 0.7, (5, -60, 91), (5.4, -66, 95.5))
+    f += _stroke(p, 3.2, -1.0, (0, -61, 92), (0, -67, 96))
+    f += _stroke(m, 2.6, 0.5, (5, -60, 91), (5.5, -67, 96))
     f += _stroke(m, 1.8, 0.5, (0, -68, 97), (5, -66.5, 96.5), (14, -70, 92), (24, -75, 82))
     f += _stroke(m, 5, -1.0, (19, -44, 88), (28, -62, 80), (32, -76, 74))
-    f += _stroke(m, 3, -0.6, (27, 6, 79), (33, 6.5, 78), (40, 5, 74.5), (46, 1.5, 70))
+    f += _stroke(m, 3, -0.75, (27, 6, 79), (33, 6.5, 78), (40, 5, 74.5), (46, 1.5, 70))
     f += _stroke(m, 3.5, 0.7, (12, 17, 90), (26, 22, 85), (40, 21, 76), (50, 15, 64))
+    f += _stroke(m, 13, 1.6, (42, -30, 66))
     f += _stroke(m, 20, -1.5, (60, 22, 46), (62, 30, 44))
     return -_blend(-f, points[:, 1] + 206, 16)
 
@@ -386,8 +388,8 @@ def _nostril(side: int) -> tuple[Floats, Floats, Floats]:
     long -= normal * (long @ normal)
     long /= np.linalg.norm(long)
     across = np.cross(normal, long)
-    to_disk = np.stack([long @ tangent / 4.8, across @ tangent / 2.9])
-    inward = np.array([-0.15 * side, 0.9, -0.35])
+    to_disk = np.stack([long @ tangent / 3.9, across @ tangent / 2.3])
+    inward = np.array([-0.12 * side, 1.0, 0.4])
     return at, to_disk, inward / np.linalg.norm(inward)
 
 
@@ -396,10 +398,11 @@ def _draw_in(column: Floats, row: Floats, side: int) -> tuple[Floats, Floats, Fl
     at, to_disk, _ = _nostril(side)
     disk = (np.stack([column, row], axis=1) - at) @ to_disk.T
     rho = np.linalg.norm(disk, axis=1)
-    # The pit takes the disk's inner 1.7, its wall stands at 1; beyond 2.4, short of the other nostril's, nothing moves.
-    knots = PchipInterpolator([0, 0.5, 1.0, 1.3, 1.6, 2.0, 2.4, 2.6], [0, 0.6, 0.84, 0.96, 1.17, 1.7, 2.4, 2.6])
+    # The pit takes the disk's inner 2 and narrows as it goes in; beyond 2.4, short of the other nostril's, nothing
+    # moves.
+    knots = PchipInterpolator([0, 0.5, 1.0, 1.4, 1.8, 2.1, 2.4, 2.6], [0, 0.22, 0.52, 0.84, 1.35, 1.83, 2.4, 2.6])
     drawn = np.where(rho < 2.4, knots(np.minimum(rho, 2.5)), rho)
-    depth = 9 * (1 - _ramp(rho, 0, 1.7))
+    depth = 10 * (1 - _ramp(rho, 0, 2.0))
     scale = drawn / np.maximum(rho, 1e-9)
     moved = at + (disk * scale[:, None]) @ np.linalg.inv(to_disk).T
     near = rho < 2.4
@@ -414,7 +417,7 @@ _EAR_COLUMN, _EAR_ROW, _EAR_HALF = 20.0, 12.0, 8.0
 _EAR_GROUND = 7  # how many of the rings lie on the head
 _EAR_END = 0.88  # where the sculpted rings end and the head begins, as a part of the square's half side
 _OUTLINE = (  # angle in degrees (0 rear, 90 up), radius of the rim in mm
-    (-180, 9), (-150, 9.5), (-125, 15.5), (-105, 24.5), (-90, 28), (-70, 27.5), (-45, 24), (-20, 23), (0, 24), (30, 28),
+    (-180, 9), (-150, 9.8), (-125, 14.5), (-105, 21.5), (-90, 26.5), (-70, 28), (-45, 24), (-20, 23), (0, 24), (30, 28),
     (60, 33), (80, 34.5), (100, 32.5), (120, 27), (145, 18), (180, 9),
 )  # fmt: skip
 
@@ -431,14 +434,17 @@ def _ridge(a: Floats, b: Floats, radius: float, height: float, *nodes: tuple[flo
     return -_stroke(points, radius, height, *((x, y, 0.0) for x, y in nodes)).reshape(a.shape)
 
 
-def _relief(a: Floats, b: Floats, to_rim: Floats, rolled: Floats) -> Floats:
-    """Height in mm of the ear's front over its plane, at `a` mm backward and `b` mm upward of the canal."""
-    h = rolled * 3.0 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2))
-    h -= rolled * 1.3 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
-    h += _ridge(a, b, 3.2, 3.2, (4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22))
+def _roll(to_rim: Floats, rolled: Floats) -> Floats:
+    """Height in mm of the rim's roll and the groove along it, `to_rim` mm from the rim."""
+    groove = 0.6 * np.exp(-(((to_rim - 7.2) / 2.2) ** 2))
+    return rolled * (2.3 * np.exp(-(((to_rim - 2.6) / 2.3) ** 2)) - groove)
+
+
+def _relief(a: Floats, b: Floats) -> Floats:
+    """Height in mm of the ear's ridges over its plane, at `a` mm backward and `b` mm upward of the canal."""
+    h = _ridge(a, b, 3.2, 3.2, (4, -14.5), (9, -11), (13, -4), (13.5, 3), (11, 10), (7, 16), (4, 22))
     h += _ridge(a, b, 2.6, 2.4, (11, 9), (5, 12.5), (-2, 14))
     h += _ridge(a, b, 2.6, 4.0, (4, 2), (-3, 4.5), (-8, 9))
-    h += _ridge(a, b, 3.4, 5.0, (-6, 1.5), (-5.5, -4.5))
     h += _ridge(a, b, 3.4, 2.0, (4, -14.5))
     h += _ridge(a, b, 7, 1.6, (2, -22))
     return h
@@ -450,7 +456,8 @@ def _ear_lines(angles: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     rim = _periodic(_OUTLINE, angles)
     free = _ramp(degrees, -125, -70) * (1 - _ramp(degrees, 100, 170))
     rolled = _ramp(degrees, -75, -35) * (1 - _ramp(degrees, 115, 165))
-    crease = free * (0.56 * rim - 1.5) + (1 - free) * (rim + 3.5)
+    apart = 2.0 + 3.0 * _ramp(-np.cos(angles), 0.85, 1.0)  # room for the tragus's slope
+    crease = free * (0.5 * rim - 2.0) + (1 - free) * (rim + apart)
     return rim, crease, free, rolled
 
 
@@ -468,8 +475,13 @@ def _ear_ground(offset: Floats, side: int) -> Floats:
 
 def _hollow(a: Floats, b: Floats) -> Floats:
     """Depth in mm of the concha and the canal's mouth."""
-    bowl = np.hypot((a - 4) / 8, (b + 1.5) / 11)
+    bowl = np.hypot((a - 3) / 7, (b + 1.5) / 10)
     return 8.5 / (1 + bowl**6) + _ridge(a, b, 3.6, 4.0, (-1.5, -0.5))
+
+
+def _tragus(a: Floats, b: Floats) -> Floats:
+    """Height in mm of the tragus over the head in front of the canal."""
+    return _ridge(a, b, 3.8, 4.5, (-6.5, 2), (-6, -4.5))
 
 
 @cache
@@ -494,23 +506,34 @@ def _ear(side: int) -> Floats:
     f = np.concatenate([np.linspace(0, 0.6, 12, endpoint=False), np.linspace(0.6, 1, 15)])[:, None]
     radius = f * rim
     a, b = radius * cos, radius * sin
-    height = _relief(a, b, rim - radius, rolled) - 1.5 * _ramp(f, 0.93, 1.0) * free
+    height = _relief(a, b) + _roll(rim - radius, rolled) - 1.5 * _ramp(f, 0.93, 1.0) * free
     edge = (1 - (1 - free) * _ramp(f, 0.6, 1.0))[..., None]
     onto = ((1 - free) * _ramp(f, 0.1, 0.8))[..., None]
     front = plane(radius, np.zeros_like(radius))
     # Where the rim leaves the head its front keeps clear of the head behind it.
-    lift = (7 * _ramp(free, 0.2, 0.7) * _ramp(sin, -0.3, 0.6))[:, None] * outward
+    lift = (7 * _ramp(free, 0.02, 0.6) * _ramp(sin, -0.3, 0.6))[:, None] * outward
     ground = _ear_ground(_ear_index(radius, angles), side) + _ramp(f, 0.2, 0.8)[..., None] * lift
     front += onto * (ground - front)
     rise = axes[2] + onto * (outward - axes[2])
     front += edge * (height[..., None] * rise - _hollow(a, b)[..., None] * outward)
+    edge_points = front[-1].copy()
+    front += _tragus(a, b)[..., None] * outward
 
     s = np.linspace(0, 1, 13)[1:, None]
     radius = rim + s * (crease - rim)
-    behind = plane(radius, height[-1] - 3.3 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) - 0.8 * s)
-    onto = (1 - free * (1 - _ramp(s, 0.4, 1.0)))[..., None]
-    ground = _ear_ground(_ear_index(radius, angles), side) + (1 - _ramp(s, 0, 0.8))[..., None] * lift
-    behind += onto * (ground - behind)
+    # The back follows the front's ridges and hollow, so that the flap is thick nowhere.
+    a, b = radius * cos, radius * sin
+    follow = _ramp(s, 0, 0.5) * 0.85
+    height = (
+        height[-1] - 3.3 * np.sin(np.pi / 2 * np.clip(s / 0.3, 0, 1)) + follow * (_relief(a, b) - _relief(a[0], b[0]))
+    )
+    behind = plane(radius, height) - (follow * _hollow(a, b))[..., None] * outward
+    onto = (1 - free * (1 - _ramp(s, 0.6, 1.0)))[..., None]
+    ground = _ear_ground(_ear_index(radius, angles), side)
+    behind += onto * (ground + (1 - _ramp(s, 0, 0.8))[..., None] * lift - behind)
+    # Where it is hardly free, the rim only slopes down to the head.
+    slope = ground + (1 - _ramp(s, 0, 1))[..., None] * (edge_points - _ear_ground(_ear_index(rim, angles), side))
+    behind = slope + _ramp(free, 0.25, 0.75)[:, None] * (behind - slope) + _tragus(a, b)[..., None] * outward
 
     t = np.linspace(0, 1, _EAR_GROUND + 1)[1:, None]
     return np.concatenate([front, behind, _ear_ground(_ear_apron(t, angles), side)])
@@ -619,7 +642,8 @@ def _rows_surface(column: Floats, row: Floats) -> Floats:
     pits = np.zeros((len(row), 3))
     for side in (-1, 1):
         column, row, depth = _draw_in(column, row, side)
-        pits += depth[:, None] * _nostril(side)[2]
+        # Deeper it bends forward, so that from in front no wall is seen that looks up to the light.
+        pits += depth[:, None] * _nostril(side)[2] + depth[:, None] ** 2 * (0, 0, 0.02)
     points = _skin(column, row)
     aim = heart - points
     points += pits + (inward / np.linalg.norm(aim, axis=1))[:, None] * aim
@@ -823,7 +847,7 @@ def _layout(positions: Floats, sampled: list[tuple[Ints, Ints]], middles: list[I
         faces, uv_faces = sampled[level]
         for chart in charts(uv_faces):
             used, local = np.unique(uv_faces[chart], return_inverse=True)
-            uv[used] = relax(positions[_welded(faces, uv_faces)][used], local.reshape(-1, 3), uv[used], 12)
+            uv[used] = relax(positions[_welded(faces, uv_faces)][used], local.reshape(-1, 3), uv[used], 6)
     # Turned so that the face stands upright, the subject's left on the right.
     right = positions[_welded(faces, uv_faces), 0] @ (uv - uv.mean(axis=0))
     right /= np.linalg.norm(right)
