@@ -334,6 +334,7 @@ class Pipeline:
                 Ref(f"{name}_samples", "occlusion"),
                 [blur.window_taps(window)],
                 division=blur.BY_ALPHA,
+                owner=Ref(f"{name}_samples", "occlusion"),
                 empty=1.0,
             )
         weights = self._occlusion_weights()

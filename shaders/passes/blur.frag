@@ -1,6 +1,7 @@
 // One direction of a separable blur with symmetric taps per channel; beyond the image lies nothing (0).
-// An average over covered texels only is had by dividing by the blurred coverage: the image's own alpha, or the same
-// blur of the coverage alone, kept in another texture because it does not change with the light.
+// An average over covered texels only is had by dividing by the blurred coverage: the image's own alpha, which is then
+// known only where the owner is covered; or the same blur of the coverage alone, kept in another texture because it
+// does not change with the light, which also continues the image beyond its charts.
 #include "lib/fetch.glsl"
 
 const int NO_DIVISION = 0;
@@ -23,7 +24,7 @@ void main() {
         sum += p.taps[k] * (read(at + float(k) * step) + read(at - float(k) * step));
     }
     if (p.division == BY_ALPHA) {
-        bool known = sum.a > p.least_coverage;
+        bool known = sum.a > p.least_coverage && fetch(owner, texel).w > 0.0;
         sum = known ? vec4(sum.rgb / sum.a, 1.0) : vec4(vec3(p.empty), 0.0);
     } else if (p.division == BY_COVERAGE) {
         vec3 share = fetch(coverage, texel).rgb;

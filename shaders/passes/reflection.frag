@@ -49,8 +49,10 @@ void main() {
     vec2 at = vec2(fract(longitude / (2.0 * PI) + 0.5 + p.turn), 0.5 + atan(R.y, max(horizontal, 1e-7)) / PI);
 
     ivec2 last = ivec2(p.size) - 1;
-    float turned = max(turn_to(N.xyz, z, min(pixel + ivec2(1, 0), last)),
-                       turn_to(N.xyz, z, min(pixel + ivec2(0, 1), last)));
+    float turned = max(max(turn_to(N.xyz, z, min(pixel + ivec2(1, 0), last)),
+                           turn_to(N.xyz, z, min(pixel + ivec2(0, 1), last))),
+                       max(turn_to(N.xyz, z, max(pixel - ivec2(1, 0), ivec2(0))),
+                           turn_to(N.xyz, z, max(pixel - ivec2(0, 1), ivec2(0)))));
     // A mirror turns the ray by twice what the normal turns.
     float texels = 2.0 * turned * float(textureSize(environment, 0).x) / (2.0 * PI);
     float level = clamp(log2(max(texels, 1.0)), 0.0, float(p.levels - 1));

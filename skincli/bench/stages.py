@@ -94,9 +94,9 @@ def _lighting(node: Pass, stored: Stored) -> Array:
 def _blur(node: Pass, stored: Stored) -> Array:
     image, coverage, owner = (stored.input(node, name) for name in ("image", "coverage", "owner"))
     first, *others = _values(node)
-    result = blur.twin(first, image, coverage)
+    result = blur.twin(first, image, coverage, owner)
     for values in others:
-        result = np.where(owner[..., 3:] == values.slot, blur.twin(values, image, coverage), result)
+        result = np.where(owner[..., 3:] == values.slot, blur.twin(values, image, coverage, owner), result)
     return result
 
 

@@ -71,10 +71,10 @@ class Blur(Pass):
         return None
 
     def needed_inputs(self, output: str) -> Sequence[str]:
-        """The coverage is read only where it divides, the owner only where several skins share the atlas."""
+        """The coverage is read only where it divides, the owner only where it decides what is written."""
         values = [draw.values for draw in self.draws]
         divides = any(v.division == BY_COVERAGE for v in values)  # type: ignore[attr-defined]
-        owned = any(v.slot > 0 for v in values)  # type: ignore[attr-defined]
+        owned = any(v.slot > 0 or v.division == BY_ALPHA for v in values)  # type: ignore[attr-defined]
         return ("image", *(("coverage",) if divides else ()), *(("owner",) if owned else ()))
 
 
@@ -143,6 +143,7 @@ def separable(
     Parameters
     ----------
     kernels : taps, one set for all texels or one per slot of the owner
+    owner : w is the slot of the skin that owns a texel, 0 where there is none
     division, coverage, empty : see BlurValues; the division happens once, after the second direction
     """
 
@@ -175,13 +176,15 @@ def separable(
     return [rows, columns]
 
 
-def twin(values: BlurValues, image: NDArray[np.float64], coverage: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def twin(
+    values: BlurValues, image: NDArray[np.float64], coverage: NDArray[np.float64], owner: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return one direction of the blur.
 
     Parameters
     ----------
     image : (h, w, 4), top row first
-    coverage : (h, w, 3 or 4) blurred coverage, where values.division asks for it
+    coverage, owner : (h, w, 4) or (1, 1, 4), read where values.division asks for them
 
     Returns
     -------
@@ -199,8 +202,10 @@ def twin(values: BlurValues, image: NDArray[np.float64], coverage: NDArray[np.fl
         total += taps[abs(k)] * np.take(padded, np.arange(radius + k, radius + k + length), axis=axis)
     if values.division == NO_DIVISION:
         return total
-    share = total[..., 3:] if values.division == BY_ALPHA else np.asarray(coverage)[..., :3]
+    share = total[..., 3:] if values.division == BY_ALPHA else coverage[..., :3]
     known = share.min(axis=-1, keepdims=True) > values.least_coverage
+    if values.division == BY_ALPHA:
+        known &= owner[..., 3:] > 0
     divided = np.concatenate([total[..., :3] / np.where(known, share, 1), np.ones((*total.shape[:2], 1))], axis=-1)
     nothing = np.array([values.empty] * 3 + [0.0])
     return np.where(known, divided, nothing)

@@ -160,9 +160,9 @@ def twin(
         return np.where(same, np.linalg.norm(other[..., :3] - N, axis=-1), 0.0)
 
     rows, columns = np.arange(height), np.arange(width)
-    right = turned(rows, np.minimum(columns + 1, width - 1))
-    above = turned(np.maximum(rows - 1, 0), columns)
-    texels = 2 * np.maximum(right, above) * levels[0].shape[1] / (2 * np.pi)
+    right, left = (turned(rows, np.clip(columns + step, 0, width - 1)) for step in (1, -1))
+    above, below = (turned(np.clip(rows - step, 0, height - 1), columns) for step in (1, -1))
+    texels = 2 * np.maximum.reduce([right, left, above, below]) * levels[0].shape[1] / (2 * np.pi)
     level = np.clip(np.log2(np.maximum(texels, 1)), 0, values.levels - 1)
     whole = np.floor(level).astype(int)
     at = np.stack([u, v], axis=-1)

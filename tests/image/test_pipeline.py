@@ -279,7 +279,7 @@ def test_parts_that_share_the_texture_square_have_patterns_of_their_own(
         np.concatenate([mesh.positions, mesh.positions + away]),
         np.concatenate([mesh.normals] * 2),
         np.concatenate([mesh.uv] * 2),
-        np.concatenate([half, half + [0.5, 0.0]]),
+        np.concatenate([half, half + np.array([0.5, 0.0])]),
         np.concatenate([mesh.faces, mesh.faces + count]).astype(np.int32),
         (Part("left", 0, len(mesh.faces)), Part("right", len(mesh.faces), 2 * len(mesh.faces))),
         origin=mesh.origin,
@@ -304,3 +304,11 @@ def test_many_lights_add_up(pipeline: Make) -> None:
     many = pipeline("ambient=[0, 0, 0]", f"lights=[{', '.join([light] * 200)}]").run(["irradiance"])["irradiance"]
     assert one.max() > 0.02
     np.testing.assert_allclose(many, 200 * one, rtol=2e-5)
+
+
+def test_occlusion_stops_at_the_outline(pipeline: Make) -> None:
+    arrays = pipeline().run(["depth", "occlusion", "occlusion_low"])
+    outside = arrays["depth"] == 0
+    for name in ("occlusion", "occlusion_low"):
+        np.testing.assert_array_equal(arrays[name][outside], 1)
+        assert arrays[name][~outside].min() < 0.99
