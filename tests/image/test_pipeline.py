@@ -307,8 +307,9 @@ def test_many_lights_add_up(pipeline: Make) -> None:
 
 
 def test_occlusion_stops_at_the_outline(pipeline: Make) -> None:
-    arrays = pipeline().run(["depth", "occlusion", "occlusion_low"])
+    # Samples all around the point find half of them inside the surface.
+    arrays = pipeline("render.occlusion.samples=sphere").run(["depth", "occlusion", "occlusion_low"])
     outside = arrays["depth"] == 0
     for name in ("occlusion", "occlusion_low"):
         np.testing.assert_array_equal(arrays[name][outside], 1)
-        assert arrays[name][~outside].min() < 0.99
+        assert np.median(arrays[name][~outside]) < 0.8
