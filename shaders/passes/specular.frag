@@ -3,6 +3,12 @@
 #include "lib/light.glsl"
 #include "lib/camera.glsl"
 
+// log(1 - x) for 0 <= x < 1; the series keeps what 1 - x would round away.
+float log_of_rest(float x) {
+    float series = -x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x / 6.0)))));
+    return x < 0.1 ? series : log(max(1.0 - x, 1e-30));
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 N = fetch(normal, pixel);
@@ -17,7 +23,10 @@ void main() {
     vec3 V = -from_eye / sqrt(max(dot(from_eye, from_eye), 1e-12));
     Lit lit = light_at(p.eye + from_eye);
     vec3 R = reflect(-lit.L, N.xyz);
-    float RoV = dot(R, V);
-    float lobe = RoV > 0.0 && dot(N.xyz, lit.L) > 0.0 ? exp2(gloss.y * log2(max(RoV, 1e-30))) : 0.0;
+    // 1 - cos from the chord between the two: the cosine itself leaves float32 no digits near 1, where highlights are.
+    vec3 chord = R - V;
+    float versine = 0.5 * dot(chord, chord);
+    bool shines = versine < 1.0 && dot(N.xyz, lit.L) > 0.0;
+    float lobe = shines ? exp(gloss.y * log_of_rest(versine)) : 0.0;
     specular = vec4(p.scale * gloss.x * lobe * lit.irradiance, 0.0);
 }

@@ -72,8 +72,8 @@ def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArr
         N = normal[..., :3]
         NoL = np.sum(N * L, axis=-1, keepdims=True)
         R = 2 * NoL * N - L
-        RoV = np.sum(R * V, axis=-1, keepdims=True)
+        versine = np.sum((R - V) ** 2, axis=-1, keepdims=True) / 2
         gloss = np.array(light.gloss, float)[np.maximum(slot - 1, 0)]
-        lobe = np.where((RoV > 0) & (NoL > 0), np.maximum(RoV, 1e-30) ** gloss[..., 1:2], 0.0)
+        lobe = np.where((versine < 1) & (NoL > 0), np.maximum(1 - versine, 1e-30) ** gloss[..., 1:2], 0.0)
         total += light.scale * gloss[..., :1] * lobe * irradiance
     return total * (slot > 0)[..., None]

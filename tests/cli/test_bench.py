@@ -57,7 +57,7 @@ FAULTS = [
         "paper",
         {"Equation 1"},
     ),
-    ("passes/specular.frag", "dot(R, V)", "dot(N.xyz, V)", "paper", {"specular"}),
+    ("passes/specular.frag", "R - V", "N.xyz - V", "paper", {"specular"}),
     ("passes/reflection.frag", "atan(R.x, -R.z)", "atan(R.x, R.z)", "paper", {"reflection"}),
     ("passes/reflection.frag", "2.0 * turned", "turned", "paper", {"reflection"}),
     ("passes/reflection.frag", "p.damping)", "0.0)", "paper", {"reflection"}),

@@ -313,3 +313,20 @@ def test_occlusion_stops_at_the_outline(pipeline: Make) -> None:
     for name in ("occlusion", "occlusion_low"):
         np.testing.assert_array_equal(arrays[name][outside], 1)
         assert np.median(arrays[name][~outside]) < 0.8
+
+
+@pytest.mark.parametrize("shininess", [0, 5, 60, 1000, 20000])
+def test_highlights_of_any_size_agree_with_their_twin(pipeline: Make, shininess: float) -> None:
+    from skincli.gpu.textures import read_back
+    from skincli.graph.node import Ref
+    from skincli.passes import specular
+
+    made = pipeline(f"skin.surface.shininess={shininess}", "skin.surface.specular=1")
+    refs = [Ref("view", "depth"), Ref("view", "normal"), Ref("specular", "specular")]
+    found = made.graph.run(refs)
+    depth, normal, shine = (read_back(found[ref]).astype(np.float64) for ref in refs)
+    lights = [draw.values for draw in made.graph.nodes["specular"].draws]
+    expected = specular.twin(lights, depth[..., 0], normal)
+    assert expected.max() > 1e-4
+    # Small highlights cover less than a hundredth of the picture: the brightest pixel is the measure here.
+    assert np.abs(shine[..., :3] - expected).max() <= 2e-5 * expected.max()
