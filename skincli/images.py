@@ -551,7 +551,9 @@ def contact_sheet(
     Image
         (H, W, 3) linear Rec.709, for `write_png`.
     """
-    ground, ink, gap = 0.012, 0.55, 8
+    # Both are codes that 8 bits hold exactly, so that no dither lies on them.
+    ground, ink = (float(srgb_decode(code / 255)) for code in (29, 196))
+    gap = 8
     images = [(label, _as_image(image)) for label, image in panels]
     columns = min(columns, len(images))
     rows = -(-len(images) // columns)

@@ -10,6 +10,8 @@ import numpy as np
 from skincli.images import write_exr
 
 WIDTH = 512
+#: degrees over which a box fades: the mirror images are sharp, so the lights must not be
+EDGE = 9.0
 
 
 def softbox(rays: np.ndarray, center: tuple[float, float], size: tuple[float, float], color: list[float]) -> np.ndarray:
@@ -23,7 +25,7 @@ def softbox(rays: np.ndarray, center: tuple[float, float], size: tuple[float, fl
     """
     away = np.abs(rays - center)
     away[..., 0] = np.minimum(away[..., 0], 360 - away[..., 0])
-    edge = np.clip((np.array(size) / 2 - away) / 2.5 + 0.5, 0, 1)
+    edge = np.clip((np.array(size) / 2 - away) / EDGE + 0.5, 0, 1)
     inside = np.prod(edge * edge * (3 - 2 * edge), axis=-1)
     glow = 1 - 0.45 * np.sum((away / (np.array(size) / 2)) ** 2, axis=-1).clip(0, 1)
     return (inside * glow)[..., None] * np.array(color)
