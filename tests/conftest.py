@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 
@@ -49,3 +50,30 @@ def _no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
     assert context.error == "GL_NO_ERROR", "an OpenGL error was left before this test"
     yield
     assert context.error == "GL_NO_ERROR", "this test left an OpenGL error"
+
+
+@pytest.fixture(scope="session")
+def ball() -> Callable[..., str]:
+    """Return the function that writes a small mesh as an OBJ file."""
+
+    def made(scale: float = 1.0, rows: int = 32, columns: int = 64, dents: float = 8.0) -> str:
+        """Return an OBJ file of an ellipsoid 200 mm tall, with dents about its waist (mm), with a UV seam at its back."""
+        v, u = np.mgrid[0 : rows + 1, 0 : columns + 1]
+        polar, around = np.pi * v / rows, 2 * np.pi * (u / columns - 0.25)
+        radius = 80 + dents * np.sin(3 * around) * np.sin(polar) ** 2
+        points = np.stack(
+            [radius * np.sin(polar) * np.cos(around), 100 * np.cos(polar), -radius * np.sin(polar) * np.sin(around)],
+            axis=-1,
+        )
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in scale * points.reshape(-1, 3)]
+        lines += [f"vt {x:.9g} {y:.9g}" for x, y in np.stack([u / columns, 1 - v / rows], axis=-1).reshape(-1, 2)]
+        for row in range(rows):
+            for column in range(columns):
+                a = row * (columns + 1) + column + 1
+                b = a + columns + 1
+                # At the poles one of the two has no area.
+                faces = [(a + 1, b, b + 1)] * (row < rows - 1) + [(a, b, a + 1)] * (row > 0)
+                lines += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces]
+        return "\n".join(lines) + "\n"
+
+    return made

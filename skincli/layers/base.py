@@ -159,7 +159,7 @@ class Layer(BaseModel):
         -------
         (n,) for a float kernel, (n, 4) for a vec4 kernel
         """
-        raise NotImplementedError
+        raise AssertionError("a layer with a kernel has a twin, and no other is evaluated")
 
     def unread_in_mask(self) -> set[str]:
         """Names of the keys that mean nothing where the layer serves as a mask."""

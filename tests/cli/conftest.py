@@ -30,29 +30,12 @@ render: {size: [64, 48], supersample: 1, atlas: 64}
 """
 
 
-def ball(rows: int = 12, columns: int = 24) -> str:
-    """Return an OBJ file of an ellipsoid 200 mm tall, with a UV seam at its back."""
-    v, u = np.mgrid[0 : rows + 1, 0 : columns + 1]
-    polar, around = np.pi * v / rows, 2 * np.pi * (u / columns - 0.25)
-    x, y, z = 80 * np.sin(polar) * np.cos(around), 100 * np.cos(polar), -80 * np.sin(polar) * np.sin(around)
-    lines = [f"v {a:.6f} {b:.6f} {c:.6f}" for a, b, c in np.stack([x, y, z], axis=-1).reshape(-1, 3)]
-    lines += [f"vt {a:.6f} {b:.6f}" for a, b in np.stack([u / columns, 1 - v / rows], axis=-1).reshape(-1, 2)]
-    for row in range(rows):
-        for column in range(columns):
-            a = row * (columns + 1) + column + 1
-            b = a + columns + 1
-            # At the poles one of the two has no area.
-            faces = [(a + 1, b, b + 1)] * (row < rows - 1) + [(a, b, a + 1)] * (row > 0)
-            lines += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces]
-    return "\n".join(lines) + "\n"
-
-
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ball: Callable[..., str]) -> Path:
     """Return the working folder, with scene.yaml, ball.obj, sky.exr and spots.png in it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
-    (tmp_path / "ball.obj").write_text(ball())
+    (tmp_path / "ball.obj").write_text(ball(rows=12, columns=24, dents=0))
     rows, columns = np.mgrid[0:8, 0:16]
     sky = np.stack([1 + np.sin(columns / 3), 1 + np.cos(rows / 2), 1 + np.sin(rows + columns / 2)], axis=-1)
     images.write_exr(tmp_path / "sky.exr", {"beauty": sky.astype(np.float32)}, half=False)
