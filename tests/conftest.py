@@ -57,7 +57,7 @@ def ball() -> Callable[..., str]:
     """Return the function that writes a small mesh as an OBJ file."""
 
     def made(scale: float = 1.0, rows: int = 32, columns: int = 64, dents: float = 8.0) -> str:
-        """Return an OBJ file of an ellipsoid 200 mm tall, with dents about its waist (mm), with a UV seam at its back."""
+        """Return an OBJ file of an ellipsoid 200 mm tall, dents (mm) about its waist, a UV seam at its back."""
         v, u = np.mgrid[0 : rows + 1, 0 : columns + 1]
         polar, around = np.pi * v / rows, 2 * np.pi * (u / columns - 0.25)
         radius = 80 + dents * np.sin(3 * around) * np.sin(polar) ** 2
