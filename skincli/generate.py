@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,14 @@ import skincli
 from skincli import images
 from skincli.errors import LimitError
 from skincli.gpu.context import get_context
-from skincli.gpu.textures import read_back
+from skincli.gpu.textures import beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph
 from skincli.graph.node import Constant, Node, Ref, Source
 from skincli.passes.maps import Maps, MapSource
-from skincli.pipeline import file_digest, load_picture
+from skincli.pipeline import MAP_BYTES, file_digest, load_picture
 from skincli.scene.skin import Skin
+
+_log = logging.getLogger("skincli")
 
 #: file name of a map -> output of the generator
 MAPS = {"albedo": "albedo", "bump": "height", "reflection": "reflectance"}
@@ -50,6 +53,9 @@ def generate(skin: Skin, size: int, maps: Collection[str] = tuple(MAPS)) -> dict
             f"maps of {size} x {size} texels are asked for ({need:.1f} GB); this driver allows {limit} a side; "
             "choose a smaller --size"
         )
+    found_memory = beyond_memory(MAP_BYTES * size * size)
+    if found_memory is not None:
+        raise LimitError(f"maps of {size} x {size} texels are asked for: {found_memory}; choose a smaller --size")
     source = MapSource.of_skin(skin)
     nodes: dict[str, Node] = {}
     inputs: dict[str, Source] = {}
@@ -92,6 +98,8 @@ def write_maps(folder: Path, skin: Skin, name: str, size: int) -> list[Path]:
     path = folder / "manifest.json"
     for file in (*files.values(), path):
         images.require_writable(file)
+    if any("slope" in layer.writes() for layer in skin.layers):
+        _log.warning("%s: the tilt of its normal maps is no part of bump.png", name)
     arrays = generate(skin, size)
     height = arrays["bump"]
     # A symmetric range keeps the undisplaced surface at mid-level exactly.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,9 +17,8 @@ from numpy.typing import NDArray
 from skincli import images
 from skincli.color import srgb_decode
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
-from skincli.gpu.context import device_info
 from skincli.gpu.geometry import Geometry
-from skincli.gpu.textures import read_back
+from skincli.gpu.textures import beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
 from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
 from skincli.graph.store import Store
@@ -57,8 +55,8 @@ _log = logging.getLogger("skincli")
 #: widest panorama that is kept, pixels
 MAX_PANORAMA = 4096
 
-#: share of the machine's memory that textures may take on software GL
-MEMORY_SHARE = 0.75
+#: bytes that a texel of a skin's maps takes: site (32), albedo, height, reflectance, tilt and slope with mip levels
+MAP_BYTES = 80
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
     if unknown:
         raise InputError(
             Fault(
-                f"the mesh has no part '{name}'{did_you_mean(name, known) or ';'} It has: {', '.join(known)}",
+                f"the mesh has no part '{name}'{did_you_mean(name, known) or '.'} It has: {', '.join(known)}",
                 *loaded.document.mark(("parts", name), key=True),
             )
             for name in unknown
@@ -237,21 +235,14 @@ class Pipeline:
         self.graph = FrameGraph(self._nodes(), store, skip)
 
     def _require_memory(self) -> None:
-        """Refuse what software GL would have to swap for; a GPU's driver says itself when its memory is out."""
-        if not device_info()["software"]:
-            return
-        # At most about six float32 targets of the atlas and ten of the picture live at once.
+        """Refuse a scene whose textures software GL would have to swap for."""
+        # At most about six float32 targets of the atlas and ten of the picture live at once, and all maps of a skin.
         texels = 6 * self.atlas_size[0] * self.atlas_size[1] + 10 * self.size[0] * self.size[1]
-        need, have = 16 * texels, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        if need > MEMORY_SHARE * have:
-            raise LimitError(
-                self.loaded.fault(
-                    "render.size",
-                    f"a picture of {self.size[0]} x {self.size[1]} samples and an atlas of {self.atlas_size[0]} x "
-                    f"{self.atlas_size[1]} need about {need / 1e9:.0f} GB; of the {have / 1e9:.0f} GB here "
-                    f"{MEMORY_SHARE:.0%} are allowed; choose a smaller render.size, render.supersample or render.atlas",
-                )
-            )
+        maps = sum(look.skin.size**2 for look in self.looks if look.skin is not None)
+        found = beyond_memory(16 * texels + MAP_BYTES * maps)
+        if found is not None:
+            remedy = "choose a smaller render.size, render.supersample, render.atlas or skin.size"
+            raise LimitError(self.loaded.fault("render.size", f"{found}; {remedy}"))
 
     # -- frames --------------------------------------------------------------------------------------------------
 

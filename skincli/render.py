@@ -143,6 +143,9 @@ def data_to_unit(name: str, array: NDArray[np.float32]) -> NDArray[np.float32]:
             return array
         low, high = array[seen].min(), array[seen].max()
         return np.where(seen, 1 - 0.9 * (array - low) / max(high - low, 1e-6), 0).astype(np.float32)
+    if name == "uv":
+        # Two channels would be read as gray and alpha.
+        return np.concatenate([array, np.zeros_like(array[..., :1])], axis=-1)
     if name == "atlas_position":
         low, high = array.min(axis=(0, 1)), array.max(axis=(0, 1))
         return ((array - low) / np.maximum(high - low, 1e-6)).astype(np.float32)
@@ -182,7 +185,8 @@ def explain(frame: Mapping[str, Any]) -> str:
     rows = [("node", "state", "ms", "size", "key", "why")]
     for node in frame["nodes"]:
         ms = "" if node["ms"] is None else f"{node['ms']:.1f}"
-        rows.append((node["name"], node["state"], ms, "{}x{}".format(*node["size"]), node["key"][:8], node["reason"]))
+        size = "{}x{}".format(*node["size"]) if any(node["size"]) else ""
+        rows.append((node["name"], node["state"], ms, size, node["key"][:8], node["reason"]))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     return "\n".join(
         "  ".join([*(cell.ljust(width) for cell, width in zip(row[:5], widths, strict=True)), row[5]]).rstrip()

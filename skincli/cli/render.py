@@ -35,17 +35,25 @@ def command(
     """Render SCENE, a YAML file, to the picture OUTPUT.
 
     An EXR file holds all outputs of picture size as layers, and those of texture space in NAME.atlas.exr. PNG writes
-    one file per output: NAME.png for beauty, NAME.OUTPUT.png for others.
+    one file per output: NAME.png for beauty, NAME.OUTPUT.png for others. EXR is for measuring: in PNG a normal is
+    stored as 0.5 + 0.5 n, and depth and positions span the range they have in the picture. Missing folders are made.
     """
     from skincli import render
+    from skincli.errors import Fault, UsageError
     from skincli.files import asset_roots
     from skincli.gpu.context import get_context
     from skincli.images import require_writable
     from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
+    from skincli.scene.model import check_outputs
     from skincli.scene.paths import load_scene
 
     target = render.Target(output)
+    if report is not None and report.suffix != ".json":
+        raise UsageError(f"--report {report}: a report ends in .json; write for example {report.stem or 'report'}.json")
     if names is not None:
+        unknown = check_outputs([name.strip() for name in names.split(",") if name.strip()], OUTPUTS)
+        if unknown:
+            raise UsageError([Fault(message, f"--outputs {names}") for message in unknown])
         sets = (*sets, f"outputs=[{names}]")
     loaded = load_scene(scene, sets, asset_roots(roots), outputs=OUTPUTS)
     # What fails quickly comes first: files to write, the device, and only then the mesh.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.errors import LimitError
-from skincli.gpu.context import get_context, rest
+from skincli.gpu.context import device_info, get_context, rest
 from skincli.gpu.counters import COUNTERS
+
+#: share of the machine's memory that textures may take on software GL
+MEMORY_SHARE = 0.75
 
 #: format name -> (components, moderngl dtype, bytes of a texel)
 FORMATS = {
@@ -86,15 +90,31 @@ class TexturePool:
         """Return the framebuffer with these color targets, and a depth buffer where asked for."""
         key = (int(depth), *(texture.handle.glo for texture in textures))
         found = self._framebuffers.get(key)
+        size = textures[0].size
         if found is None:
-            size = textures[0].size
             if depth and size not in self._depth:
                 self._depth[size] = get_context().depth_renderbuffer(size)
-            found = get_context().framebuffer(
-                [texture.handle for texture in textures], self._depth[size] if depth else None
-            )
+            try:
+                found = get_context().framebuffer(
+                    [texture.handle for texture in textures], self._depth[size] if depth else None
+                )
+            except moderngl.Error as error:
+                # A driver that has no memory for a texture may say so only here.
+                raise LimitError(f"no memory for {len(textures)} targets of {size[0]} x {size[1]}: {error}") from None
             self._framebuffers[key] = found
         return found
+
+
+def beyond_memory(need: int) -> str | None:
+    """Return what to say where `need` bytes of textures are too many for software GL; None where they fit.
+
+    A GPU's driver says itself when its memory is out; software GL would make the machine swap.
+    """
+    have = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if not device_info()["software"] or need <= MEMORY_SHARE * have:
+        return None
+    limit = f"of the {have / 1e9:.0f} GB here {MEMORY_SHARE:.0%} are allowed"
+    return f"textures of about {need / 1e9:.0f} GB are needed; {limit}"
 
 
 def create_texture(size: tuple[int, int], format: str, mipmaps: bool = False) -> Texture:

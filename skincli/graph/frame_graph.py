@@ -6,7 +6,7 @@ Vocabulary and idea of culling by what is read: Filament's FrameGraph; content k
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -349,6 +349,7 @@ class FrameGraph:
     def reports(self) -> list[NodeReport]:
         """What became of every node in the last run, in the order in which the light travels."""
         steps = {step.node.name: step for step in self._steps}
+        asked = self._asked()
         reports = []
         for node in self.nodes.values():
             if node.name in self._ran:
@@ -361,32 +362,51 @@ class FrameGraph:
             elif step is not None:
                 reports.append(self._report(step, (), "reused", "what reads it is known already"))
             else:
-                reason = self._why_skipped(node) or "no output that is asked for needs it"
+                reason = self._why_skipped(node, asked) or "no output that is asked for needs it"
                 reports.append(NodeReport(node.name, "skipped", reason, node.size))
         return reports
 
-    def _why_skipped(self, node: Node) -> str | None:
-        """Return the value that made the node unnecessary: its own, or that of what would read it."""
+    def _why_skipped(self, node: Node, asked: Collection[str]) -> str | None:
+        """Return the value that made a node needless: its own, or that of what would read it.
+
+        Parameters
+        ----------
+        asked : the nodes that the targets would need if no value made any needless
+        """
+        if node.name not in asked:
+            return None
         for output in node.outputs:
             way = node.shortcut(output)
             if way is not None:
                 return way[1]
-        for consumer in self.nodes.values():
-            if not isinstance(consumer, Pass):
-                continue
-            read = [
-                name
-                for draw in consumer.draws
-                for name in consumer.inputs
-                if getattr(self._raw_source(consumer, draw, name), "node", None) == node.name
-            ]
+        for name in asked:
+            consumer = self.nodes[name]
+            read = [source for source in self._raw_inputs(consumer) if source[1].node == node.name]
             ignored = consumer.ignores()
-            reason = next((ignored[name][1] for name in read if name in ignored), None)
+            reason = next((ignored[sampler][1] for sampler, _ in read if sampler in ignored), None)
             if read and reason is None:
-                reason = self._why_skipped(consumer)
+                reason = self._why_skipped(consumer, asked)
             if reason is not None:
                 return reason
         return None
+
+    def _raw_inputs(self, node: Node) -> list[tuple[str, Ref]]:
+        """Return the inputs as wired, whatever the present values make of them."""
+        if not isinstance(node, Pass):
+            return []
+        wired = [(name, self._raw_source(node, draw, name)) for draw in node.draws for name in node.inputs]
+        return [(name, source) for name, source in wired if isinstance(source, Ref)]
+
+    def _asked(self) -> set[str]:
+        """Return the nodes that the targets would need if no value made any needless."""
+        found: set[str] = set()
+        pending = [target.node for target in self._targets or ()]
+        while pending:
+            name = pending.pop()
+            if name not in found:
+                found.add(name)
+                pending += [source.node for _, source in self._raw_inputs(self.nodes[name])]
+        return found
 
 
 def _unfinite(name: str, texture: Texture) -> str | None:

@@ -67,7 +67,7 @@ class Blur(Pass):
         """A kernel of one tap returns its image."""
         values = [draw.values for draw in self.draws]
         if all(v.radius == 0 and v.coverage_only == 0 for v in values):  # type: ignore[attr-defined]
-            return self.source(self.draws[0], "image"), "the blur's window holds one texel"
+            return self.source(self.draws[0], "image"), "the blur is off, or its window holds one texel"
         return None
 
     def needed_inputs(self, output: str) -> Sequence[str]:

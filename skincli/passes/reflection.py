@@ -61,7 +61,11 @@ class Reflection(Pass):
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:
         """What mirrors nothing adds nothing."""
-        return (ZERO, "reflectance is 0, or there is no environment") if self._values.scale == 0 else None
+        return (
+            (ZERO, "reflection is off, reflectance is 0, or there is no environment")
+            if self._values.scale == 0
+            else None
+        )
 
     def ignores(self) -> Mapping[str, tuple[Constant, str]]:
         """Without damping the occlusion has no effect."""

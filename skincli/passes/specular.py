@@ -46,7 +46,7 @@ class Specular(Pass):
         """A skin without gloss has no highlights."""
         lights = [draw.values for draw in self.draws if isinstance(draw.values, SpecularValues)]
         dark = all(not any(light.color) or all(gloss[0] == 0 for gloss in light.gloss) for light in lights)
-        return (ZERO, "specular is 0, or there is no light") if dark else None
+        return (ZERO, "specular is off or 0, or there is no light") if dark else None
 
 
 def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:

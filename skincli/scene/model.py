@@ -25,6 +25,7 @@ from pydantic import (
 
 from skincli.errors import did_you_mean
 from skincli.files import AssetPath, PicturePath
+from skincli.mesh.builtin.levels import DETAILS
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 # glTF 2.0, 3.4: "The units for all linear distances are meters". The other formats do not say.
@@ -103,6 +104,11 @@ class MeshSource(Written):
         if self.file is None:
             if self.unit is not None:
                 raise ValueError("unit belongs to a file; a built-in mesh is in millimetres; remove unit")
+            if self.builtin not in DETAILS:
+                hint = did_you_mean(str(self.builtin), list(DETAILS))
+                raise ValueError(
+                    f"there is no built-in mesh '{self.builtin}'{hint or '.'} There are: {', '.join(DETAILS)}"
+                )
             return self
         if self.detail is not None:
             raise ValueError("detail belongs to a built-in mesh; a file has the triangles it has; remove detail")
@@ -193,7 +199,12 @@ class Environment(Written):
     """Light from all around, as a latitude-longitude picture."""
 
     image: PicturePath = Field(description="hdr, exr or png file, relative to the file that names it")
-    rotation: float = Field(default=0.0, ge=-3600, le=3600, description="turn about the vertical axis, degrees")
+    rotation: float = Field(
+        default=0.0,
+        ge=-3600,
+        le=3600,
+        description="turn, degrees, counter-clockwise from above; at 0 the picture's middle is -Z, right of it +X",
+    )
     exposure: Exposure = Field(default=0.0, description="brightening of the environment, EV (doublings)")
 
 
@@ -275,7 +286,7 @@ def check_outputs(names: Collection[str], allowed: Collection[str]) -> list[str]
     """
     known = ", ".join(sorted(allowed))
     return [
-        f"no output has that name{did_you_mean(name, list(allowed)) or ';'} There are: {known}"
+        f"no output has that name{did_you_mean(name, list(allowed)) or '.'} There are: {known}"
         for name in names
         if name not in allowed
     ]

@@ -117,7 +117,7 @@ def _named_layer(layers: Node, name: str, here: str) -> int:
         choices = " or ".join(f"{here}[{index}]" for index in indices)
         raise ValueError(f"several layers are called '{name}'; write {choices}, or give them names")
     known = [other for other in names if other is not None]
-    raise ValueError(f"no layer is called '{name}'{did_you_mean(name, known) or ';'} There are: {', '.join(known)}")
+    raise ValueError(f"no layer is called '{name}'{did_you_mean(name, known) or '.'} There are: {', '.join(known)}")
 
 
 def _no_index(node: Node, step: str, here: str) -> int:
@@ -313,6 +313,11 @@ class _SceneReader:
 
     def load_skin(self, text: str, sets: Sequence[str]) -> LoadedSkin:
         assignments = [_assignment(setting) for setting in sets]
+        for target, _, label in assignments:
+            if len(parse(target)) < 2 or parse(target)[0] != "skin":
+                raise InputError(
+                    Fault(f"a skin by itself has no '{target}'; write skin.KEY, as in --set skin.seed=3", label)
+                )
         if re.search(_PATH_LIKE, text):
             # A file named on the command line may lie anywhere; what it refers to may not.
             path, label = Path(text), text
@@ -407,7 +412,7 @@ class _SceneReader:
         presets = {path.stem: path for path in sorted(resources.folder("presets").glob("*.yaml"))}
         if text not in presets:
             raise InputError(
-                f"{what} is '{shorten(text)}'; no preset has that name{did_you_mean(text, list(presets)) or ';'} "
+                f"{what} is '{shorten(text)}'; no preset has that name{did_you_mean(text, list(presets)) or '.'} "
                 f"There are: {', '.join(presets)}. A path ends in .yaml"
             )
         return presets[text], f"preset {text}"

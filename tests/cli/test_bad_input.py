@@ -169,7 +169,7 @@ CASES: dict[str, tuple[Change, tuple[str, ...], int, str, str]] = {
     "unknown preset": (skin("humn"), (), 3, "scene.yaml:3:7: ", "did you mean 'human'?"),
     "unknown output": (scene("scene: 1\n", "scene: 1\noutputs: [beuaty]\n"), (), 3, "scene.yaml:2:11: ", "'beauty'"),
     "no outputs": (nothing, ("--outputs", ""), 3, "--set outputs=[]: ", "at least 1"),
-    "output asked for": (nothing, ("--outputs", "depth,beuaty"), 3, "--set outputs=", "did you mean 'beauty'?"),
+    "output asked for": (nothing, ("--outputs", "depth,beuaty"), 2, "--outputs depth,beuaty: ", "did you mean 'beauty'?"),
     # values
     "wrong unit": (scene("unit: mm", "unit: mn"), (), 3, "scene.yaml:2:30: mesh.unit is 'mn'", "mm, cm, m, in"),
     "no unit": (scene(", unit: mm", ""), (), 3, "scene.yaml:2:", "does not say its unit; write unit: mm"),
@@ -265,7 +265,7 @@ CASES: dict[str, tuple[Change, tuple[str, ...], int, str, str]] = {
     "setting unknown": (nothing, ("--set", "camera.fow=3"), 3, "--set camera.fow=3: ", "did you mean 'fov'?"),
     "setting out of range": (nothing, ("--set", "camera.fov=181"), 3, "--set camera.fov=181: ", "less than 180"),
     "report below a file": (nothing, ("--report", "ball.obj/r.json"), 7, "ball.obj/r.json: ", "is not a folder"),
-    "report onto a folder": (nothing, ("--report", "."), 7, ".: ", "not a file"),
+    "report onto a folder": (make("r.json"), ("--report", "r.json"), 7, "r.json: ", "not a file"),
     "suffix missing": (nothing, ("-o", "a"), 2, "-o a: a picture file ends in .exr or .png", "a.png"),
     "suffix wrong": (nothing, ("-o", "a.jpg"), 2, "-o a.jpg: a picture file ends in .exr or .png", "a.png"),
     "output below a file": (nothing, ("-o", "ball.obj/new/a.exr"), 7, "ball.obj/new/a.exr: ", "is not a folder"),

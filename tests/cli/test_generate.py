@@ -134,3 +134,21 @@ def test_presets_have_color_relief_and_shine(generate: Generate, folder: Path, p
         values = images.read_data(folder / "new/folder" / f"{name}.png", 1)
         assert values.std() > 0.01, name
     assert 0.01 < manifest["maps"]["bump"]["range"][1] < 5
+
+
+@pytest.mark.parametrize("setting", ["seed=1", "layers.fbm.scale=3", "foo=1", "skin=human", "camera.fov=9"])
+def test_a_setting_that_a_skin_does_not_have_is_refused(skincli: Run, tmp_path: Path, setting: str) -> None:
+    result = skincli("generate", "human", "-o", tmp_path / "maps", "--size", 16, "--set", setting)
+    assert result.exit_code == 3
+    assert f"--set {setting}: a skin by itself has no" in result.stderr
+    assert not (tmp_path / "maps").exists()
+
+
+def test_maps_beyond_memory_are_refused(
+    skincli: Run, tmp_path: Path, ctx: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skincli.gpu.textures.MEMORY_SHARE", 1e-6)
+    result = skincli("generate", "human", "-o", tmp_path / "maps", "--size", 512)
+    assert result.exit_code == 6
+    assert "choose a smaller --size" in result.stderr
+    assert not (tmp_path / "maps").exists()

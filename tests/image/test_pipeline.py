@@ -252,7 +252,7 @@ def test_check_names_the_pass_that_left_a_nan(pipeline: Make, monkeypatch: pytes
 def test_what_cannot_fit_into_memory_is_refused_before_it_is_made(pipeline: Make) -> None:
     from skincli.errors import LimitError
 
-    with pytest.raises(LimitError, match=r"need about \d+ GB"):
+    with pytest.raises(LimitError, match=r"about \d+ GB are needed"):
         pipeline("render.size=[16384, 16384]", "render.supersample=4")
 
 
@@ -330,3 +330,11 @@ def test_highlights_of_any_size_agree_with_their_twin(pipeline: Make, shininess:
     assert expected.max() > 1e-4
     # Small highlights cover less than a hundredth of the picture: the brightest pixel is the measure here.
     assert np.abs(shine[..., :3] - expected).max() <= 2e-5 * expected.max()
+
+
+def test_a_node_nobody_asked_for_says_so(pipeline: Make) -> None:
+    made = pipeline("render.effects.blur=false")
+    made.run(["depth"])
+    reasons = {report.name: report.reason for report in made.reports if report.state == "skipped"}
+    assert {"atlas", "irradiance", "diffused", "specular", "compose", "environment"} <= set(reasons)
+    assert set(reasons.values()) == {"no output that is asked for needs it"}

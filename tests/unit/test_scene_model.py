@@ -130,5 +130,5 @@ def test_unknown_outputs() -> None:
     assert check_outputs(["beauty"], ["beauty", "depth"]) == []
     assert check_outputs(["deph", "x"], ["beauty", "depth"]) == [
         "no output has that name; did you mean 'depth'? There are: beauty, depth",
-        "no output has that name; There are: beauty, depth",
+        "no output has that name. There are: beauty, depth",
     ]
