@@ -23,6 +23,9 @@ from skincli.pipeline import OUTPUTS, Pipeline
 
 SUFFIXES = (".exr", ".png")
 
+#: share of a PNG's codes that depth takes; the rest parts the farthest point from the background
+DEPTH_SHARE = 0.9
+
 #: packages whose version can change a picture
 PACKAGES = ("moderngl", "numpy", "OpenImageIO", "trimesh", "xatlas")
 
@@ -111,6 +114,7 @@ def render_frame(
         "ms": round(ms, 3),
         "write_ms": round((time.perf_counter() - start_of_writing) * 1000, 3),
         "counters": counted,
+        "png_ranges_mm": png_ranges_mm(arrays) if png else {},
         "nodes": [node_entry(report) for report in reports],
     }
 
@@ -130,26 +134,37 @@ def _write_png(file: Path, name: str, arrays: Mapping[str, NDArray[np.float32]])
         images.write_png(file, data_to_unit(name, arrays[name]), kind="data", bits=16)
 
 
+def png_ranges_mm(arrays: Mapping[str, NDArray[np.float32]]) -> dict[str, list[list[float]]]:
+    """Return, for each output whose PNG spans its own range, the lowest and highest value per channel."""
+    spans = {name: data_range(name, array) for name, array in arrays.items()}
+    return {name: [end.tolist() for end in span] for name, span in spans.items() if span is not None}
+
+
+def data_range(name: str, array: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+    """Return the range that a PNG of depth or positions spans, mm per channel; None for data of a fixed range."""
+    if name not in ("depth", "atlas_position"):
+        return None
+    pixels = array.reshape(-1, array.shape[2])
+    seen = pixels[pixels[:, 0] > 0] if name == "depth" and (pixels > 0).any() else pixels
+    return seen.min(axis=0), seen.max(axis=0)
+
+
 def data_to_unit(name: str, array: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return data as a PNG can hold it, in [0, 1].
 
-    Normals become 0.5 + 0.5 n; depth and positions span the range they have in this picture; the rest is clipped.
+    Normals become 0.5 + 0.5 n. Positions span `data_range`; so does depth, near white, far dark, the background black.
+    The rest is clipped.
     """
     if name.endswith("normal"):
         return 0.5 + 0.5 * array
-    if name == "depth":
-        seen = array > 0
-        if not seen.any():
-            return array
-        low, high = array[seen].min(), array[seen].max()
-        return np.where(seen, 1 - 0.9 * (array - low) / max(high - low, 1e-6), 0).astype(np.float32)
     if name == "uv":
         # Two channels would be read as gray and alpha.
         return np.concatenate([array, np.zeros_like(array[..., :1])], axis=-1)
-    if name == "atlas_position":
-        low, high = array.min(axis=(0, 1)), array.max(axis=(0, 1))
-        return ((array - low) / np.maximum(high - low, 1e-6)).astype(np.float32)
-    return array
+    span = data_range(name, array)
+    if span is None:
+        return array
+    unit = (array - span[0]) / np.maximum(span[1] - span[0], 1e-6)
+    return np.where(array > 0, 1 - DEPTH_SHARE * unit, 0) if name == "depth" else unit
 
 
 def node_entry(report: NodeReport) -> dict[str, Any]:

@@ -36,7 +36,8 @@ def command(
 
     An EXR file holds all outputs of picture size as layers, and those of texture space in NAME.atlas.exr. PNG writes
     one file per output: NAME.png for beauty, NAME.OUTPUT.png for others. EXR is for measuring: in PNG a normal is
-    stored as 0.5 + 0.5 n, and depth and positions span the range they have in the picture. Missing folders are made.
+    stored as 0.5 + 0.5 n, and depth and positions span the range they have in the picture, which the report tells.
+    Missing folders are made.
     """
     from skincli import render
     from skincli.errors import Fault, UsageError

@@ -169,7 +169,7 @@ CASES: dict[str, tuple[Change, tuple[str, ...], int, str, str]] = {
     "unknown preset": (skin("humn"), (), 3, "scene.yaml:3:7: ", "did you mean 'human'?"),
     "unknown output": (scene("scene: 1\n", "scene: 1\noutputs: [beuaty]\n"), (), 3, "scene.yaml:2:11: ", "'beauty'"),
     "no outputs": (nothing, ("--outputs", ""), 3, "--set outputs=[]: ", "at least 1"),
-    "output asked for": (nothing, ("--outputs", "depth,beuaty"), 2, "--outputs depth,beuaty: ", "did you mean 'beauty'?"),
+    "output asked for": (nothing, ("--outputs", "uv,beuaty"), 2, "--outputs uv,beuaty: ", "did you mean 'beauty'?"),
     # values
     "wrong unit": (scene("unit: mm", "unit: mn"), (), 3, "scene.yaml:2:30: mesh.unit is 'mn'", "mm, cm, m, in"),
     "no unit": (scene(", unit: mm", ""), (), 3, "scene.yaml:2:", "does not say its unit; write unit: mm"),

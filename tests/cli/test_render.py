@@ -416,3 +416,13 @@ def test_a_report_never_overwrites_what_is_no_report(skincli: Run, folder: Path)
 def test_uv_is_a_color_picture_in_png(render: Run, folder: Path) -> None:
     render("-o", "a.png", "--outputs", "uv,depth")
     assert images.read_data(folder / "a.uv.png", 3).shape == (48, 64, 3)
+
+
+def test_the_report_tells_what_a_png_of_depth_spans(render: Run, folder: Path) -> None:
+    render("-o", "a.png", "--outputs", "depth", "--report", "a.json")
+    [low], [high] = json.loads((folder / "a.json").read_text())["frames"][0]["png_ranges_mm"]["depth"]
+    assert 500 < low < high < 620
+    stored = images.read_data(folder / "a.depth.png", 1)
+    assert stored.max() == 1  # the nearest point
+    assert stored[stored > 0].min() == pytest.approx(0.1, abs=1e-4)  # the farthest
+    assert stored[0, 0] == 0
