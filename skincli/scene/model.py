@@ -156,9 +156,10 @@ class Camera(Written):
         (a, b, c), (x, y, z) = view, self.up
         sine = math.hypot(b * z - c * y, c * x - a * z, a * y - b * x) / (length * math.hypot(x, y, z))
         if sine < 1e-6:
+            other = [0, 1, 0] if abs(z) > 0.7 * math.hypot(x, y, z) else [0, 0, 1]
             raise ValueError(
                 f"it looks along its own up, {list(self.up)}, so the picture's turn is undefined; "
-                "give another up, such as [0, 0, 1] or [0, 1, 0]"
+                f"give another up, such as {other}"
             )
         return self
 
