@@ -18,9 +18,9 @@ from skincli.errors import LimitError
 from skincli.gpu.context import get_context
 from skincli.gpu.textures import beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph
-from skincli.graph.node import Constant, Node, Ref, Source
+from skincli.graph.node import Constant, Ref
 from skincli.passes.maps import Maps, MapSource
-from skincli.pipeline import MAP_BYTES, file_digest, load_picture
+from skincli.pipeline import MAP_BYTES, file_digest, load_pictures
 from skincli.scene.skin import Skin
 
 _log = logging.getLogger("skincli")
@@ -57,15 +57,10 @@ def generate(skin: Skin, size: int, maps: Collection[str] = tuple(MAPS)) -> dict
     if found_memory is not None:
         raise LimitError(f"maps of {size} x {size} texels are asked for: {found_memory}; choose a smaller --size")
     source = MapSource.of_skin(skin)
-    nodes: dict[str, Node] = {}
-    inputs: dict[str, Source] = {}
-    for sampler, picture in source.images:
-        load = load_picture(picture)
-        nodes[load.name] = load
-        inputs[sampler] = Ref(load.name, "image")
-    nodes["maps"] = Maps("maps", (size, size), source, inputs, on_mesh=False, extent=skin.extent)
+    loads, inputs = load_pictures(source)
+    nodes = [*loads.values(), Maps("maps", (size, size), source, inputs, on_mesh=False, extent=skin.extent)]
     written = {name: Ref("maps", MAPS[name]) for name in maps if MAPS[name] in source.written}
-    found = FrameGraph(nodes.values()).run(list(written.values()))
+    found = FrameGraph(nodes).run(list(written.values()))
     arrays = {}
     for name in maps:
         channels = 3 if name == "albedo" else 1

@@ -6,7 +6,7 @@ import hashlib
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from skincli import images
 from skincli.color import srgb_decode
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
+from skincli.gpu.blocks import Values
 from skincli.gpu.geometry import Geometry
 from skincli.gpu.textures import beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
@@ -288,9 +289,12 @@ class Pipeline:
         """Move the camera; whatever does not depend on it stays."""
         self.scene = self.scene.model_copy(update={"camera": camera})
         self.__dict__.pop("view", None)
-        draws = self._camera_draws()
-        changed = (self.graph.nodes[name] for name in draws)
-        self.graph.update(node.with_draws(draws[node.name]) for node in changed if isinstance(node, Pass))
+        changed = []
+        for name, values in self._camera_values().items():
+            node = self.graph.nodes[name]
+            assert isinstance(node, Pass)
+            changed.append(node.with_values(values))
+        self.graph.update(changed)
 
     # -- the way of the light --------------------------------------------------------------------------------------
 
@@ -305,19 +309,19 @@ class Pipeline:
             Irradiance(
                 "irradiance",
                 self.atlas_size,
-                [Draw(values) for values in self._atlas_lights()],
+                draws_of(self._atlas_lights()),
                 {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal")},
             )
         )
         nodes += self._diffusion()
         # mesh + camera -> view; view -> occlusion; view + lights -> specular; view + environment -> reflection
-        draws = self._camera_draws()
+        values = self._camera_values()
         view = {"depth": Ref("view", "depth"), "normal": Ref("view", "normal")}
-        per_part = [replace(draw, inputs=self._map_inputs(maps, part)) for part, draw in enumerate(draws["view"])]
+        per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
         nodes.append(View("view", self.size, per_part, geometry=self.geometry))
         for band in ("high", "low"):
             name = f"occlusion_{band}"
-            nodes.append(OcclusionBand(f"{name}_samples", self.size, draws[f"{name}_samples"], view))
+            nodes.append(OcclusionBand(f"{name}_samples", self.size, draws_of(values[f"{name}_samples"]), view))
             window = occlusion_band.HIGH_WINDOW if band == "high" else occlusion_band.LOW_WINDOW
             nodes += blur.separable(
                 name,
@@ -331,10 +335,10 @@ class Pipeline:
         weights = self._occlusion_weights()
         bands = {f"occlusion_{band}": Ref(f"occlusion_{band}", "blurred") for band in ("high", "low")}
         nodes.append(Occlusion("occlusion", self.size, [Draw(weights)], bands))
-        nodes.append(Specular("specular", self.size, draws["specular"], view))
-        nodes += self._reflection(view, draws["reflection"])
+        nodes.append(Specular("specular", self.size, draws_of(values["specular"]), view))
+        nodes += self._reflection(view, draws_of(values["reflection"]))
         # all of the above -> composition -> display
-        nodes += self._composition()
+        nodes += self._composition(draws_of(values["display"]))
         return nodes
 
     def _maps(self, index: int, look: Look, nodes: list[Node]) -> dict[str, Source]:
@@ -349,18 +353,14 @@ class Pipeline:
         side = look.skin.size
         size = (side, side)
         source = MapSource.of_skin(look.skin)
-        inputs: dict[str, Source] = {}
+        loads, inputs = load_pictures(source)
+        nodes += [load for name, load in loads.items() if all(node.name != name for node in nodes)]
         if source.on_surface:
             parts = [part for part, own in enumerate(self.look_of_part) if own == index]
             values = SiteValues(1 / side, MAP_GUTTER / side)
             draws = [Draw(values, {}, topology, part) for topology in ("map_gutter", "tiles") for part in parts]
             nodes.append(Site(f"{name}_site", size, draws, geometry=self.geometry))
-            inputs = {f"site_{what}": Ref(f"{name}_site", what) for what in ("position", "normal")}
-        for sampler, picture in source.images:
-            load = load_picture(picture)
-            if all(node.name != load.name for node in nodes):
-                nodes.append(load)
-            inputs[sampler] = Ref(load.name, "image")
+            inputs |= {f"site_{what}": Ref(f"{name}_site", what) for what in ("position", "normal")}
         nodes.append(Maps(f"{name}_maps", size, source, inputs, on_mesh=True, extent=look.skin.extent))
 
         def map_of(channel: str) -> Source:
@@ -412,7 +412,7 @@ class Pipeline:
         # Uniform ambient radiance L gives the irradiance pi L; the paper's ambient light is a plain Phong color.
         scale = 1.0 if self.paper else math.pi
         ambient = LightValues(tuple(scale * x for x in self.scene.ambient), irradiance.AMBIENT)
-        return [IrradianceValues(**vars_of(light), response=response) for light in (ambient, *self._lights)]
+        return [IrradianceValues(**asdict(light), response=response) for light in (ambient, *self._lights)]
 
     def _diffusion(self) -> list[Node]:
         """The paper's blur, a window in texels; or one Gaussian per channel in mm, divided by blurred coverage."""
@@ -462,19 +462,21 @@ class Pipeline:
             float(np.linalg.norm(self.mesh.positions, axis=1).max()),
         )
 
-    def _camera_draws(self) -> dict[str, list[Draw]]:
-        """Return the draws of the nodes that depend on the camera."""
+    def _camera_values(self) -> dict[str, list[Values]]:
+        """Return the values, one per draw, of the nodes that depend on the camera."""
         view, render = self.view, self.scene.render
         axes: dict[str, Any] = {"right": view.right, "up": view.up, "forward": view.forward}
         lens: dict[str, Any] = {"tan_half": view.tan_half, "size": tuple(map(float, self.size))}
-        draws: dict[str, list[Draw]] = {"view": []}
-        old = self.graph.nodes["view"] if hasattr(self, "graph") else None
-        for part, look in enumerate(self.look_of_part):
+        environment = self.scene.environment
+        values: dict[str, list[Values]] = {"view": []}
+        mirrors = False
+        for look in self.look_of_part:
             surface = self.looks[look].surface
-            reflectance = surface.reflectance if render.effects.reflection and self.scene.environment else 0.0
-            values = ViewValues(view.clip, view.eye, surface.bumpiness, view.forward, look + 1.0, reflectance)
-            inputs = old.draws[part].inputs if isinstance(old, Pass) else {}
-            draws["view"].append(Draw(values, inputs, "faces", part))
+            reflectance = surface.reflectance if render.effects.reflection and environment else 0.0
+            mirrors |= reflectance > 0
+            values["view"].append(
+                ViewValues(view.clip, view.eye, surface.bumpiness, view.forward, look + 1.0, reflectance)
+            )
         hemisphere = render.occlusion.samples == "hemisphere"
         for band, count, radius in (
             ("high", occlusion_band.HIGH_SAMPLES, render.occlusion.radius_high),
@@ -485,30 +487,28 @@ class Pipeline:
                 **lens, **axes, radius=radius, bias=occlusion_band.BIAS, count=count, hemisphere=int(hemisphere),
                 seed=int(band == "low"), samples=samples,
             )  # fmt: skip
-            draws[f"occlusion_{band}_samples"] = [Draw(band_values)]
+            values[f"occlusion_{band}_samples"] = [band_values]
         strength = 1.0 if render.effects.specular else 0.0
         gloss = tuple((strength * look.surface.specular, look.surface.shininess, 0.0, 0.0) for look in self.looks)
         # Without a light there is nothing to add up; one that shines nothing keeps the node's form.
         lights = self._lights or [LightValues((0.0, 0.0, 0.0), irradiance.DIRECTIONAL)]
-        draws["specular"] = [
-            Draw(SpecularValues(**vars_of(light), **axes, **lens, eye=view.eye, scale=self._radiance, gloss=gloss))
+        values["specular"] = [
+            SpecularValues(**asdict(light), **axes, **lens, eye=view.eye, scale=self._radiance, gloss=gloss)
             for light in lights
         ]
-        environment = self.scene.environment
-        mirrors = environment is not None and any(draw.values.reflectance > 0 for draw in draws["view"])  # type: ignore[attr-defined]
-        draws["reflection"] = [
-            Draw(
-                ReflectionValues(
-                    **axes,
-                    **lens,
-                    scale=2.0**environment.exposure if environment and mirrors else 0.0,
-                    turn=environment.rotation / 360 if environment else 0.0,
-                    damping=float(render.effects.reflection_damping),
-                    levels=self._panorama[1] if environment else 1,
-                )
+        values["reflection"] = [
+            ReflectionValues(
+                **axes,
+                **lens,
+                scale=2.0**environment.exposure if environment and mirrors else 0.0,
+                turn=environment.rotation / 360 if environment else 0.0,
+                damping=float(render.effects.reflection_damping),
+                levels=self._panorama[1] if environment else 1,
             )
         ]
-        return draws
+        exposure = self.scene.camera.exposure if self.scene.camera else 0.0
+        values["display"] = [DisplayValues(2.0**exposure, int(render.display == "neutral"))]
+        return values
 
     @property
     def _radiance(self) -> float:
@@ -527,8 +527,9 @@ class Pipeline:
         assert self.scene.environment is not None
         path = self.scene.environment.image
         # The size decides the number of levels, which is wanted before the pixels are.
-        levels = math.floor(math.log2(max(images.size_of(path)))) + 1
-        smaller = max(0, math.ceil(math.log2(max(images.size_of(path)) / MAX_PANORAMA)))
+        side = max(images.size_of(path))
+        levels = math.floor(math.log2(side)) + 1
+        smaller = max(0, math.ceil(math.log2(side / MAX_PANORAMA)))
 
         def make() -> list[NDArray[np.floating]]:
             found = reflection.pyramid(images.read_environment(path).astype(np.float64))[smaller:]
@@ -544,7 +545,7 @@ class Pipeline:
         inputs["environment"] = Ref(load.name, "image")
         return [load, Reflection("reflection", self.size, draws, inputs)]
 
-    def _composition(self) -> list[Node]:
+    def _composition(self, display: Sequence[Draw]) -> list[Node]:
         values = ComposeValues(self._radiance, float(self.paper), int(not self.paper))
         inputs = {
             **{name: Ref("view", name) for name in ("depth", "uv", "albedo")},
@@ -571,15 +572,13 @@ class Pipeline:
             mixes = int(name not in ("depth", "uv"))
             draw = Draw(ResolveValues(background, self.samples, mixes))
             nodes.append(Resolve(f"{name}_picture", picture, [draw], {"image": source, "depth": Ref("view", "depth")}))
-        exposure = self.scene.camera.exposure if self.scene.camera else 0.0
-        display = DisplayValues(2.0**exposure, int(self.scene.render.display == "neutral"))
-        nodes.append(Display("display", picture, [Draw(display)], {"beauty": OUTPUTS["beauty"].source}))
+        nodes.append(Display("display", picture, display, {"beauty": OUTPUTS["beauty"].source}))
         return nodes
 
 
-def vars_of(light: LightValues) -> dict[str, Any]:
-    """Return a light's members by name."""
-    return {name: getattr(light, name) for name in LightValues.__dataclass_fields__}
+def draws_of(values: Sequence[Values]) -> list[Draw]:
+    """Return one draw over the whole target per block of values."""
+    return [Draw(block) for block in values]
 
 
 def light_values(light: Light, origin: NDArray[np.float64]) -> LightValues:
@@ -612,3 +611,10 @@ def load_picture(picture: Picture) -> Load:
     digest = file_digest(path)
     format = "rgba32f" if role == "grey" else "rgba16f"
     return Load(f"image {path.name} {digest[:8]} {role}", f"{digest} {role}", lambda: [readers[role]()], format, True)
+
+
+def load_pictures(source: MapSource) -> tuple[dict[str, Load], dict[str, Source]]:
+    """Return the nodes that upload a skin's source images, by name, and what each sampler reads."""
+    by_sampler = {sampler: load_picture(picture) for sampler, picture in source.images}
+    inputs: dict[str, Source] = {sampler: Ref(load.name, "image") for sampler, load in by_sampler.items()}
+    return {load.name: load for load in by_sampler.values()}, inputs

@@ -266,8 +266,8 @@ def _renew_atlas(pipeline: Pipeline, number: int) -> None:
     atlas = pipeline.graph.nodes["atlas"]
     assert isinstance(atlas, Pass)
     factor = 1 + 1e-6 * number
-    draws = []
+    renewed = []
     for draw in atlas.draws:
         assert isinstance(draw.values, AtlasValues)
-        draws.append(replace(draw, values=replace(draw.values, bumpiness=factor * draw.values.bumpiness)))
-    pipeline.graph.update([atlas.with_draws(draws)])
+        renewed.append(replace(draw.values, bumpiness=factor * draw.values.bumpiness))
+    pipeline.graph.update([atlas.with_values(renewed)])

@@ -114,17 +114,20 @@ class FrameGraph:
             return None
         return tuple((output, node.shortcut(output)) for output in node.outputs), tuple(sorted(node.ignores()))
 
+    def _source(self, node: Pass, draw: Draw, name: str) -> Source:
+        """Return what feeds an input of a draw: resolved, or as wired where nothing is skipped."""
+        return self._resolve(node.source(draw, name) if self.skip else node.wired_source(draw, name))
+
     def _sources(self, node: Node, output: str) -> list[Source]:
-        if isinstance(node, Pass) and not self.skip:
-            needed = node.needed_inputs(output)
-            found = [draw.inputs.get(name, node.wired.get(name)) for draw in node.draws for name in needed]
-            return [source for source in found if source is not None]
-        return list(node.sources(output))
+        """Return what an output depends on, in a fixed order."""
+        if not isinstance(node, Pass):
+            return []
+        needed = node.needed_inputs(output)
+        return [self._source(node, draw, name) for draw in node.draws for name in needed]
 
     def _compile(self, targets: tuple[Ref, ...]) -> None:
         """Work out the order of the nodes that the targets need."""
         needed: dict[str, dict[str, tuple[Ref, ...]]] = {}
-        order: list[str] = []
         path: list[str] = []
 
         def visit(ref: Ref) -> None:
@@ -134,22 +137,20 @@ class FrameGraph:
             if ref.output in outputs:
                 return
             node = self.nodes[ref.node]
-            resolved = [self._resolve(source) for source in self._sources(node, ref.output)]
-            refs = tuple(dict.fromkeys(source for source in resolved if isinstance(source, Ref)))
+            sources = self._sources(node, ref.output)
+            refs = tuple(dict.fromkeys(source for source in sources if isinstance(source, Ref)))
             path.append(ref.node)
             for child in refs:
                 visit(child)
             path.pop()
             outputs[ref.output] = refs
-            if ref.node not in order:
-                order.append(ref.node)
 
         for target in targets:
             source = self._resolve(target)
             self._resolved[target] = source
             if isinstance(source, Ref):
                 visit(source)
-        # A node that gained an output after it was ordered may now depend on a later one: sort by dependence.
+        # Only now is it known what all needed outputs of a node depend on: sort the nodes by dependence.
         done: list[str] = []
 
         def place(name: str) -> None:
@@ -160,7 +161,7 @@ class FrameGraph:
                     place(ref.node)
             done.append(name)
 
-        for name in order:
+        for name in needed:
             place(name)
         self._steps = [_Step(self.nodes[name], tuple(needed[name]), needed[name]) for name in done]
         self._keys.clear()
@@ -177,10 +178,7 @@ class FrameGraph:
                     continue
                 digest = hashlib.blake2b(step.node.own_digest(output), digest_size=16)
                 for source in self._sources(step.node, output):
-                    resolved = self._resolve(source)
-                    digest.update(
-                        self._keys[resolved].encode() if isinstance(resolved, Ref) else repr(resolved.value).encode()
-                    )
+                    digest.update((self._keys[source] if isinstance(source, Ref) else repr(source.value)).encode())
                 step.keys[output] = self._keys[ref] = digest.hexdigest()
                 renewed.add(ref)
         self._dirty.clear()
@@ -230,11 +228,12 @@ class FrameGraph:
 
         missing = self._missing(wanted_targets)
         pins = self._pins(missing, targets)
+        why = "first asked for, or something it reads has changed" if self.skip else "nothing is skipped"
         self._ran, self._clocks = {}, {}
         faults = []
         for position, (step, outputs) in enumerate(missing):
             clock = self._execute(step, outputs, timing)
-            self._ran[step.node.name] = self._report(step, outputs, "ran", self._why_ran(step))
+            self._ran[step.node.name] = self._report(step, outputs, "ran", why)
             if clock is not None:
                 self._clocks[step.node.name] = clock
             if check:
@@ -308,9 +307,7 @@ class FrameGraph:
 
     def _texture(self, node: Pass, draw: Draw, name: str, needed: set[str]) -> Texture:
         """Return what a draw reads as `name`: a constant where the outputs at hand do not depend on it."""
-        source: Source = ZERO
-        if name in needed:
-            source = self._resolve(node.source(draw, name) if self.skip else self._raw_source(node, draw, name))
+        source = self._source(node, draw, name) if name in needed else ZERO
         if isinstance(source, Constant):
             return textures.constant(source.value)
         return self.store.get(self._keys[source])
@@ -327,11 +324,6 @@ class FrameGraph:
             ]
         return self._calls[key]
 
-    @staticmethod
-    def _raw_source(node: Pass, draw: Draw, name: str) -> Source:
-        source = draw.inputs.get(name, node.wired.get(name))
-        return ZERO if source is None else source
-
     # -- account -------------------------------------------------------------------------------------------------
 
     def _report(self, step: _Step, outputs: Sequence[str], state: str, reason: str) -> NodeReport:
@@ -341,9 +333,6 @@ class FrameGraph:
         held = [self.store.get(step.keys[output]) for output in outputs if step.keys[output] in self.store]
         size = held[0].size if held else step.node.size
         return NodeReport(step.node.name, state, reason, size, None, key, sum(texture.bytes for texture in held))
-
-    def _why_ran(self, step: _Step) -> str:
-        return "first asked for, or something it reads has changed" if self.skip else "nothing is skipped"
 
     @property
     def reports(self) -> list[NodeReport]:
@@ -394,7 +383,7 @@ class FrameGraph:
         """Return the inputs as wired, whatever the present values make of them."""
         if not isinstance(node, Pass):
             return []
-        wired = [(name, self._raw_source(node, draw, name)) for draw in node.draws for name in node.inputs]
+        wired = [(name, node.wired_source(draw, name)) for draw in node.draws for name in node.inputs]
         return [(name, source) for name, source in wired if isinstance(source, Ref)]
 
     def _asked(self) -> set[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar
@@ -101,10 +102,6 @@ class Node:
     def ignores(self) -> Mapping[str, tuple[Constant, str]]:
         """Return the inputs that the present values leave without effect, with the constant to bind and the reason."""
         return {}
-
-    def sources(self, output: str) -> Sequence[Source]:
-        """Return what the output depends on."""
-        return ()
 
     def own_digest(self, output: str) -> bytes:
         """Return a digest of everything but the sources that decides the output."""
@@ -205,10 +202,14 @@ class Pass(Node):
             self.generated,
         )
 
+    def wired_source(self, draw: Draw, name: str) -> Source:
+        """Return what is wired to the input `name` of a draw, whatever the present values make of it."""
+        return draw.inputs.get(name, self.wired.get(name, ZERO))
+
     def source(self, draw: Draw, name: str) -> Source:
         """Return what feeds the input `name` of a draw, an ignored one its constant."""
         ignored = self._ignored.get(name)
-        return ignored[0] if ignored else draw.inputs.get(name, self.wired.get(name, ZERO))
+        return ignored[0] if ignored else self.wired_source(draw, name)
 
     @cached_property
     def _ignored(self) -> Mapping[str, tuple[Constant, str]]:
@@ -218,10 +219,6 @@ class Pass(Node):
         """Return the names of the inputs that the output depends on."""
         needs = self.outputs[output].needs
         return tuple(self.inputs) if needs is None else needs
-
-    def sources(self, output: str) -> Sequence[Source]:
-        """Return the sources of all draws that the output depends on, in a fixed order."""
-        return [self.source(draw, name) for draw in self.draws for name in self.needed_inputs(output)]
 
     def own_digest(self, output: str) -> bytes:
         """Hash of shader, Python file, values, size and geometry; for an output without inputs too."""
@@ -239,10 +236,9 @@ class Pass(Node):
             digest.update(f"{self.text(draw, tuple(self.outputs)).key} {draw.topology} {draw.part};".encode())
         return digest.digest()
 
-    def with_draws(self, draws: Sequence[Draw]) -> Pass:
-        """Return the same node with other values; shader, wiring and number of draws stay."""
-        other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
+    def with_values(self, values: Sequence[Values]) -> Pass:
+        """Return the same node with other values, one per draw; shader and wiring stay."""
+        other = copy(self)
         other.__dict__.pop("_ignored", None)
-        other.draws = tuple(draws)
+        other.draws = tuple(replace(draw, values=new) for draw, new in zip(self.draws, values, strict=True))
         return other

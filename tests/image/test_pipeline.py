@@ -338,3 +338,15 @@ def test_a_node_nobody_asked_for_says_so(pipeline: Make) -> None:
     reasons = {report.name: report.reason for report in made.reports if report.state == "skipped"}
     assert {"atlas", "irradiance", "diffused", "specular", "compose", "environment"} <= set(reasons)
     assert set(reasons.values()) == {"no output that is asked for needs it"}
+
+
+def test_a_moved_camera_brings_its_exposure(pipeline: Make) -> None:
+    made = pipeline()
+    made.run([], display=True)
+    camera = made.loaded.scene.camera
+    assert camera is not None
+    made.look_from(camera.model_copy(update={"exposure": -1.0}))
+    darker = made.run([], display=True)["display"]
+    fresh = pipeline("camera.exposure=-1").run([], display=True)["display"]
+    np.testing.assert_array_equal(darker, fresh)
+    assert {report.name for report in made.reports if report.state == "ran"} == {"display"}
