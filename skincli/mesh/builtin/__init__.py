@@ -39,6 +39,10 @@ def build(name: str, detail: str | None = None) -> Mesh:
         from skincli.mesh.builtin.head import head
 
         return head(detail)
+    if name == "sphere":
+        from skincli.mesh.builtin.sphere import sphere
+
+        return sphere(detail)
     from skincli.mesh.builtin.creature import creature
 
     return creature(detail)
