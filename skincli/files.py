@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Iterable, Sequence
@@ -35,7 +36,7 @@ def asset_roots(options: Iterable[str | Path] = ()) -> tuple[Path, ...]:
     return tuple(Path(text).resolve() for _, text in named)
 
 
-def resolve(path_text: str | Path, base: Path, roots: Sequence[Path], what: str) -> Path:
+def resolve(path_text: str | Path, base: Path, roots: Sequence[Path], what: str, *, folders: bool = False) -> Path:
     """Return the existing file that `path_text` means, symbolic links resolved.
 
     Parameters
@@ -44,6 +45,7 @@ def resolve(path_text: str | Path, base: Path, roots: Sequence[Path], what: str)
     base : folder of the file in which the path is written; the path may lead anywhere inside it
     roots : further folders that may hold the file, see `asset_roots`; the packaged presets always may
     what : how a message calls the path, such as "mesh.file"
+    folders : whether it may be a folder
 
     Raises
     ------
@@ -51,12 +53,12 @@ def resolve(path_text: str | Path, base: Path, roots: Sequence[Path], what: str)
     """
     text = os.fspath(path_text)
     try:
-        return _locate(text, base, roots)
+        return _locate(text, base, roots, folders)
     except ValueError as error:
         raise InputError(f"{what} is {text!r}; {error}") from None
 
 
-def _locate(text: str, base: Path, roots: Sequence[Path]) -> Path:
+def _locate(text: str, base: Path, roots: Sequence[Path], folders: bool = False) -> Path:
     """Do the work of `resolve`; a ValueError carries the second half of the sentence."""
     if not text.strip() or "\0" in text:
         raise ValueError("it must be the path of a file")
@@ -75,13 +77,19 @@ def _locate(text: str, base: Path, roots: Sequence[Path]) -> Path:
             f"or allow its own with --asset-root DIR or {ROOTS_VARIABLE}"
         )
     try:
-        if path.is_dir():
+        if path.is_dir() and not folders:
             raise ValueError("that is a folder; name a file in it")
-        if not path.is_file():
+        if not path.is_file() and not path.is_dir():
             raise ValueError(f"no such file{nearest(path)}")
     except OSError as error:
         raise ValueError(f"it cannot be read: {error.strerror}") from None
     return path
+
+
+def file_digest(path: Path) -> str:
+    """Return the hash of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
 def nearest(path: Path) -> str:

@@ -1,27 +1,20 @@
-#include "lib/band.glsl"
-#include "lib/hash.glsl"
+#include "lib/marks.glsl"
 #include "lib/site.glsl"
 
-// Round pits: 1 at the centre of a pore, 0 between pores. Feature points of a jittered lattice within half a cell of
-// the surface are projected onto it along the normal, so that pores stay round on any shape.
+// Round pits: 1 at the center of a pore, 0 between pores.
 float pores_layer(pores_values p, Site site) {
-    vec3 x = site.position / p.cell + 0.5;
-    vec3 whole = floor(x);
-    vec3 fraction = x - whole;
-    // A pore smaller than a texel is drawn as wide as the texel and as much weaker, so that the mean is kept. 0.85
-    // is the widest that lies wholly within the 27 cells sought.
-    float radius = clamp(site.footprint / p.cell, p.radius, 0.85);
-    float strength = p.radius * p.radius / (radius * radius);
+    float texel = mark_texel(site.footprint, p.cell);
+    float wide2 = widened2(p.radius, texel);
+    float strength = p.radius * p.radius / wide2;
     float untouched = 1.0;
-    for (int i = 0; i < 27; ++i) {
-        ivec3 offset = ivec3(i % 3, (i / 3) % 3, i / 9) - 1;
-        vec4 random = hash_cell(ivec3(whole) + offset, p.seed);
-        vec3 point = vec3(offset) + 0.5 + p.jitter * (random.xyz - 0.5) - fraction;
-        float height = dot(point, site.normal);
-        float across = max(dot(point, point) - height * height, 0.0);
-        float bowl = max(1.0 - across / (radius * radius), 0.0);
-        float near = 1.0 - smoothstep(0.25, 0.5, abs(height));
-        untouched *= 1.0 - strength * near * bowl * bowl * (1.0 - p.variation * random.w);
+    Marks marks = find_marks(site.position / p.cell, site.normal, sqrt(wide2));
+    for (ivec3 cell = marks.first; cell.z <= marks.last.z; cell = next_cell(marks, cell)) {
+        vec4 random = hash_marks(marks, cell, p.period, p.seed);
+        for (int which = 0; which < 2; ++which) {
+            Mark mark = mark_of(marks, cell, random, which, p.jitter, site.normal);
+            float bowl = mark_bump(dot(mark.along, mark.along) / wide2);
+            untouched *= 1.0 - strength * mark.near * bowl * (1.0 - p.variation * mark.random.w);
+        }
     }
-    return mix(p.mean, 1.0 - untouched, resolved(p.cell, site.footprint));
+    return mix(p.mean, 1.0 - untouched, marks_resolved(texel));
 }

@@ -1,63 +1,96 @@
 #include "lib/band.glsl"
-#include "lib/noise.glsl"
+#include "lib/filter.glsl"
+#include "lib/hash.glsl"
 #include "lib/site.glsl"
 
-// From x to the feature point of the cell `offset` cells away, in cells.
-vec3 worley_point(ivec3 cell, ivec3 offset, vec3 fraction, float jitter, int seed) {
-    return vec3(offset) + 0.5 + jitter * (hash_cell(cell + offset, seed).xyz - 0.5) - fraction;
+// Places along a side of a texel that is large for the cells, at most.
+const int WORLEY_PLACES = 16;
+
+// Size of what still shows in single places, in cells: where these are a cell apart they all fall on like places.
+const float WORLEY_CALM = 0.7;
+
+// A line's profile has 2/15 of the squared half width as variance, a texel 1/12.
+const float WORLEY_LINE_PER_TEXEL = 0.7906;
+
+// From `fraction` in a cell to the feature point of the i-th of the 27 cells around, in cells; and a random number.
+vec4 worley_feature(worley_values p, ivec3 cell, vec3 fraction, int i) {
+    ivec3 offset = ivec3(i % 3, (i / 3) % 3, i / 9) - 1;
+    vec4 random = hash_cell(wrap_cell(cell + offset, p.period), p.seed);
+    return vec4(vec3(offset) + 0.5 + p.jitter * (random.xyz - 0.5) - fraction, random.w);
+}
+
+float worley_point(worley_values p, vec3 position, vec3 normal, float footprint) {
+    // Aside of the lattice, so that a flat square, where z is 0, cuts cells as any other plane does.
+    vec3 x = position / p.scale + vec3(0.5, 0.5, 0.25);
+    vec3 whole = floor(x);
+    ivec3 cell = ivec3(whole);
+    vec3 fraction = x - whole;
+    float texel = footprint / p.scale;
+
+    float first = 1e9;
+    float second = 1e9;
+    vec4 nearest = vec4(0.0);
+    int owner = 0;
+    for (int i = 0; i < 27; ++i) {
+        vec4 point = worley_feature(p, cell, fraction, i);
+        float squared = dot(point.xyz, point.xyz);
+        bool nearer = squared < first;
+        nearest = nearer ? point : nearest;
+        owner = nearer ? i : owner;
+        second = min(second, max(first, squared));
+        first = min(first, squared);
+    }
+    if (p.kind == WORLEY_F1 || p.kind == WORLEY_F2 || p.kind == WORLEY_F2_F1) {
+        // The mean distance over a texel is a little more than that of its center.
+        float near = sqrt(first + texel * texel / 12.0);
+        float next = sqrt(second + texel * texel / 12.0);
+        float t = p.kind == WORLEY_F1 ? near : p.kind == WORLEY_F2 ? next : next - near;
+        return levels(t / p.far, p.levels, EDGE_PER_TEXEL * texel / p.far);
+    }
+
+    // Distance to the border: the nearest of the planes halfway to the other points, measured along the surface, so
+    // that a line keeps its width where it cuts the surface at a slant.
+    float border = 1e9;
+    float width = max(length(vec2(p.width, EDGE_PER_TEXEL * texel)), 1e-6);
+    float sum = levels(nearest.w, p.levels, 0.0);
+    float total = 1.0;
+    for (int i = 0; i < 27; ++i) {
+        // Hashed again: an array of the points takes twice as long.
+        vec4 point = worley_feature(p, cell, fraction, i);
+        vec3 between = point.xyz - nearest.xyz;
+        float away = dot(between, normal);
+        float across = sqrt(max(dot(between, between) - away * away, 1e-6));
+        float distance_to_plane = i == owner ? 1e9 : 0.5 * dot(point.xyz + nearest.xyz, between) / across;
+        border = min(border, distance_to_plane);
+        if (p.kind == WORLEY_PATCHES && distance_to_plane < width) {
+            // On the border to another cell its value weighs as much as the own.
+            float share = 0.5 - 0.5 * smoothstep(0.0, width, distance_to_plane);
+            float weight = share / (1.0 - share);
+            sum += weight * levels(point.w, p.levels, 0.0);
+            total += weight;
+        }
+    }
+    if (p.kind == WORLEY_PATCHES) {
+        return sum / total;
+    }
+    width = length(vec2(p.width, WORLEY_LINE_PER_TEXEL * texel));
+    float line = p.width / width * (1.0 - smoothstep(0.0, width, border));
+    return levels(line, p.levels, EDGE_PER_TEXEL * texel / width);
 }
 
 // Cellular patterns [Worley1996, "A Cellular Texture Basis Function"], sought among the 27 nearest cells.
 float worley_layer(worley_values p, Site site) {
-    // Half a cell aside, so that a flat square, where z is 0, cuts through cells and not between them.
-    vec3 x = warp_cells(site.position / p.scale + 0.5, p.warp, p.seed);
-    vec3 whole = floor(x);
-    ivec3 cell = ivec3(whole);
-    vec3 fraction = x - whole;
-
-    float nearest_squared = 1e9;
-    vec3 nearest = vec3(0.0);
-    ivec3 owner = ivec3(0);
-    for (int i = 0; i < 27; ++i) {
-        ivec3 offset = ivec3(i % 3, (i / 3) % 3, i / 9) - 1;
-        vec3 point = worley_point(cell, offset, fraction, p.jitter, p.seed);
-        float squared = dot(point, point);
-        if (squared < nearest_squared) {
-            nearest_squared = squared;
-            nearest = point;
-            owner = offset;
-        }
+    int count = places_of(site.footprint, p.finest, WORLEY_PLACES);
+    float footprint = site.footprint / float(count);
+    float visible = resolved(WORLEY_CALM * p.scale, footprint);
+    // What would not show is not computed.
+    if (visible < 1e-4) {
+        return p.mean;
     }
-
-    float texel = site.footprint / p.scale;
-    float t = 0.0;
-    if (p.kind == WORLEY_DISTANCE) {
-        t = levels(sqrt(nearest_squared), p.levels, texel);
-    } else {
-        // Distance to the border: the nearest of the planes halfway to the other points, measured along the surface,
-        // so that a line keeps its width where it cuts the surface at a slant.
-        float border = 1e9;
-        float other_value = 0.0;
-        for (int i = 0; i < 27; ++i) {
-            ivec3 offset = ivec3(i % 3, (i / 3) % 3, i / 9) - 1;
-            vec3 point = worley_point(cell, offset, fraction, p.jitter, p.seed);
-            vec3 between = point - nearest;
-            float away = dot(between, site.normal);
-            float across = sqrt(max(dot(between, between) - away * away, 1e-6));
-            float distance_to_plane = 0.5 * dot(point + nearest, between) / across;
-            if (offset != owner && distance_to_plane < border) {
-                border = distance_to_plane;
-                other_value = hash_cell(cell + offset, p.seed).w;
-            }
-        }
-        if (p.kind == WORLEY_EDGES) {
-            float width = max(p.width, texel);
-            t = levels(p.width / width * (1.0 - smoothstep(0.0, width, border)), p.levels, 0.0);
-        } else {
-            float value = hash_cell(cell + owner, p.seed).w;
-            float share = 0.5 * (1.0 - smoothstep(0.0, max(texel, p.width), border));
-            t = mix(levels(value, p.levels, 0.0), levels(other_value, p.levels, 0.0), share);
-        }
+    float sum = 0.0;
+    for (int i = 0; i < count * count; ++i) {
+        vec3 place = site.position + place_in_texel(site.normal, site.footprint, i, count);
+        sum += worley_point(p, place, site.normal, footprint);
     }
-    return mix(p.mean, t, resolved(p.scale, site.footprint));
+    return mix(p.mean, sum / float(count * count), visible);
 }

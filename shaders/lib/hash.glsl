@@ -19,3 +19,12 @@ uvec4 pcg4d(uvec4 v) {
 vec4 hash_cell(ivec3 cell, int seed) {
     return vec4(pcg4d(uvec4(uvec3(cell), uint(seed))) >> 8u) * (1.0 / 16777216.0);
 }
+
+// The cell that stands for `cell` where patterns repeat every `period` cells along x and y. Only a tileable map has
+// patterns that repeat; elsewhere this costs nothing. Up to 8 periods below 0 are allowed.
+ivec3 wrap_cell(ivec3 cell, int period) {
+#ifdef TILEABLE
+    cell.xy = ivec2(uvec2(cell.xy + 8 * period) % uint(period));
+#endif
+    return cell;
+}

@@ -1,6 +1,7 @@
 // Lights without extent: directional, point, spot. The passes that include this declare
 //   int p.kind (0 ambient, 1 directional, 2 point, 3 spot); vec3 p.position (mm, relative to the mesh);
-//   vec3 p.direction (unit, where the light travels); vec3 p.color; float p.cos_outer, p.cos_inner.
+//   vec3 p.direction (unit, where the light travels); vec3 p.color; float p.outer, p.inner (1 - cosine at a
+//   spot's edge and where its full light begins).
 const int AMBIENT = 0;
 const int DIRECTIONAL = 1;
 const int POINT = 2;
@@ -23,8 +24,11 @@ Lit light_at(vec3 position) {
     vec3 L = to_light / sqrt(distance2);
     float falloff = REFERENCE_DISTANCE * REFERENCE_DISTANCE / distance2;
     if (p.kind == SPOT) {
-        // Cubic from the cone's edge to where the blend ends.
-        float x = clamp((dot(-L, p.direction) - p.cos_outer) / max(p.cos_inner - p.cos_outer, 1e-6), 0.0, 1.0);
+        // Cubic from the cone's edge to where the blend ends. The chord keeps what 1 - cosine would round away in a
+        // narrow cone.
+        vec3 chord = L + p.direction;
+        float blend = max(p.outer - p.inner, max(1e-6 * p.outer, 1e-30));
+        float x = clamp((p.outer - 0.5 * dot(chord, chord)) / blend, 0.0, 1.0);
         falloff *= x * x * (3.0 - 2.0 * x);
     }
     return Lit(L, p.color * falloff);

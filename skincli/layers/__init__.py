@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +19,7 @@ def _discover() -> dict[str, type[Layer]]:
     found: list[type[Layer]] = [Layer]  # type: ignore[type-abstract]
     for cls in found:
         found += cls.__subclasses__()
-    return {cls.kind(): cls for cls in sorted(found, key=lambda cls: cls.kind()) if cls.kind() != "base"}
+    return {cls.kind(): cls for cls in sorted(found, key=lambda cls: cls.kind()) if not inspect.isabstract(cls)}
 
 
 #: Every layer, by the name it has in YAML.
@@ -47,7 +48,7 @@ class _Entry(BaseModel):
 def _stacked(entry: Any) -> Layer:
     layer: Layer = entry.layer
     if not layer.writes():
-        writing = sorted(layer.unread_in_mask() - {"name", "enabled", "blend"})
+        writing = sorted(layer.unread_in_mask() - {"name", "enabled", "blend", "space", "contrast"})
         raise ValueError(f"this {layer.kind()} layer writes nothing; give it at least one of {', '.join(writing)}")
     return layer
 

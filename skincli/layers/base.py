@@ -7,20 +7,21 @@ float64. Nothing else lists it: every file of this folder is read, see `skincli.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skincli.layers import hashing
-from skincli.layers.blend import Blend
+from skincli.layers.blend import Blend, Space, check_space
+from skincli.layers.pigments import PigmentRamps
+from skincli.layers.remap import Curve
 
 if TYPE_CHECKING:
     from skincli.layers import MaskLayer  # known only when all layers are: `skincli.layers` fills it in
@@ -34,6 +35,9 @@ Unit = Annotated[float, Field(ge=0, le=1)]
 Rgb = Annotated[tuple[Unit, ...], Field(strict=False, min_length=3, max_length=3)]
 Height = Annotated[float, Field(ge=-10, le=10)]
 AlbedoRamp = Annotated[tuple[Rgb, ...], Field(strict=False, min_length=2, max_length=2)]
+Millimetres = Annotated[float, Field(ge=0, le=1000)]
+RadiusRgb = Annotated[tuple[Millimetres, ...], Field(strict=False, min_length=3, max_length=3)]
+RadiusRamp = Annotated[tuple[RadiusRgb, ...], Field(strict=False, min_length=2, max_length=2)]
 HeightRamp = Annotated[tuple[Height, ...], Field(strict=False, min_length=2, max_length=2)]
 UnitRamp = Annotated[tuple[Unit, ...], Field(strict=False, min_length=2, max_length=2)]
 
@@ -47,7 +51,10 @@ class Site(TypedDict):
     normal : (n, 3) unit vectors
     uv : (n, 2) authored coordinates
     footprint : (n,) mm per texel
-    footprint_uv : (n,) size of a texel in uv; a shader takes it from the derivatives of uv
+    footprint_uv : (n,) size of a texel in uv
+    height : (n,) mm, the sum of the heights of the layers below
+    occlusion : (n,) baked ambient occlusion of the mesh, 1 is open; 1 on a flat square
+    curvature : (n,) baked mean curvature of the mesh, 1/mm, positive where convex; 0 on a flat square
     """
 
     position: Array
@@ -55,6 +62,53 @@ class Site(TypedDict):
     uv: Array
     footprint: Array
     footprint_uv: Array
+    height: Array
+    occlusion: Array
+    curvature: Array
+
+
+def site(
+    position: Array,
+    normal: Array,
+    footprint: Array,
+    uv: Array | None = None,
+    footprint_uv: Array | None = None,
+    occlusion: Array | None = None,
+    curvature: Array | None = None,
+) -> Site:
+    """Return a Site; what is left out is that of a flat, undisplaced place at uv 0."""
+    count = len(position)
+    return Site(
+        position=position,
+        normal=normal,
+        uv=np.zeros((count, 2)) if uv is None else uv,
+        footprint=footprint,
+        footprint_uv=np.zeros(count) if footprint_uv is None else footprint_uv,
+        height=np.zeros(count),
+        occlusion=np.ones(count) if occlusion is None else occlusion,
+        curvature=np.zeros(count) if curvature is None else curvature,
+    )
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What the whole skin says to each of its layers.
+
+    Parameters
+    ----------
+    seed : the skin's seed, to which a layer's own is added
+    period : mm after which everything repeats along x and y, on a tileable flat map; None where nothing need repeat
+    """
+
+    seed: int = 0
+    period: float | None = None
+
+    def fit(self, size: float) -> tuple[float, int]:
+        """Return the size of a cell, mm, so adjusted that a whole number fits the period, and that number, else 0."""
+        if self.period is None:
+            return size, 0
+        count = max(1, round(self.period / size))
+        return self.period / count, count
 
 
 @dataclass(frozen=True)
@@ -78,19 +132,26 @@ class Own:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """An image file that a layer samples.
+class Texture(ABC):
+    """Something that a layer samples, described; its pixels are made only when they are needed.
 
     Parameters
     ----------
-    file : the image
-    role : color (sRGB pictures are decoded to linear Rec.709), grey or normal (numbers are taken as they are)
     repeat : whether the sampler repeats; else it clamps to the edge
     """
 
-    file: Path
-    role: Literal["color", "grey", "normal"]
+    format: ClassVar[str] = "rgba16f"
+
     repeat: bool
+
+    @property
+    @abstractmethod
+    def key(self) -> str:
+        """Everything the pixels depend on, as text."""
+
+    @abstractmethod
+    def make(self) -> Array | NDArray[np.float32]:
+        """Return (h, w, c) pixels, c 1 to 4, top row first; the levels of detail are means of these."""
 
 
 class Layer(BaseModel):
@@ -101,6 +162,8 @@ class Layer(BaseModel):
     #: GLSL type that `NAME_layer` returns: float (the pattern t, 0 to 1), vec4 (color, and t in w; or the slopes in
     #: xy), or None where the layer needs no shader because every channel is Flat.
     kernel: ClassVar[Literal["float", "vec4"] | None] = "float"
+    #: what it reads of the Site beside position, normal, uv and footprint: "height", "occlusion", "curvature"
+    reads: ClassVar[frozenset[str]] = frozenset()
 
     name: str | None = Field(
         default=None, min_length=1, max_length=64, description="name by which the layer can be reached"
@@ -124,36 +187,31 @@ class Layer(BaseModel):
         """Names of the channels that the layer writes."""
         return set(self.channels())
 
-    def blending(self) -> Blend:
-        """Return how the layer joins albedo and reflectance; heights and slopes are added."""
-        return "normal"
-
     def on_surface(self) -> bool:
         """Whether the layer or its mask asks where on the surface a texel lies; one laid by uv alone does not."""
         return self.kernel is not None or (self.mask is not None and self.mask.on_surface())
 
-    def values(self, seed: int) -> dict[str, Value]:
-        """Return the numbers that the layer's function reads, by the names they have in the shader.
+    def reads_of(self) -> frozenset[str]:
+        """Return what the layer and its masks read of the site beside position, normal, uv and footprint."""
+        return self.reads | (self.mask.reads_of() if self.mask is not None else frozenset())
 
-        Parameters
-        ----------
-        seed : the skin's seed, to which the layer's own is added
-        """
+    def values(self, ground: Ground) -> dict[str, Value]:
+        """Return the numbers that the layer's function reads, by the names they have in the shader."""
         return {}
 
-    def picture(self) -> Picture | None:
-        """Return the image that the layer samples, if any."""
-        return None
+    def textures(self, ground: Ground) -> tuple[Texture, ...]:
+        """Return what the layer samples; its function takes a sampler for each, in this order."""
+        return ()
 
     @classmethod
-    def twin(cls, values: Mapping[str, Any], site: Site, picture: Array | None) -> Array:
+    def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
         """Return what the layer's shader returns, in float64.
 
         Parameters
         ----------
         values : what `values` returned
         site : the points
-        picture : (h, w, c) the image, top row first, linear; None for a layer without one
+        textures : (h, w, c) pixels of each of the layer's textures, top row first
 
         Returns
         -------
@@ -166,7 +224,40 @@ class Layer(BaseModel):
         return {"name", "enabled"}
 
 
-class Pattern(Layer):
+Seed = Annotated[int, Field(ge=0, lt=2**31)]
+
+
+class Writing(Layer):
+    """A layer that writes colors and factors, which join those below by a blend mode."""
+
+    blend: Blend = Field(
+        default="normal", description="how albedo, reflectance, roughness and specular join those below"
+    )
+    space: Space = Field(
+        default="linear",
+        description="what is blended: linear light, or sRGB-encoded values, as picture editors do",
+    )
+    contrast: float = Field(
+        default=0.1,
+        gt=0,
+        le=10,
+        description="height_blend: difference of height over which one layer gives way to the other, mm",
+    )
+
+    @model_validator(mode="after")
+    def _blends_there(self) -> Writing:
+        check_space(self.blend, self.space)
+        return self
+
+    def blending(self) -> Blend:
+        """Return how the layer joins albedo and factors."""
+        return self.blend
+
+    def unread_in_mask(self) -> set[str]:
+        return super().unread_in_mask() | {"blend", "space", "contrast"}
+
+
+class Pattern(Writing):
     """A layer whose function is a pattern t in 0 to 1, which a pair of values turns into each channel."""
 
     albedo: AlbedoRamp | None = Field(
@@ -176,23 +267,45 @@ class Pattern(Layer):
     reflectance: UnitRamp | None = Field(
         default=None, description="reflectance factors where the pattern is 0 and 1, 0 to 1"
     )
-    blend: Blend = Field(default="normal", description="how albedo and reflectance join those below, in linear light")
+    roughness: UnitRamp | None = Field(default=None, description="roughness where the pattern is 0 and 1, 0 to 1")
+    specular: UnitRamp | None = Field(
+        default=None, description="factors of the highlights where the pattern is 0 and 1, 0 to 1"
+    )
+    scattering_radius: RadiusRamp | None = Field(
+        default=None, description="scattering radii where the pattern is 0 and 1, mm, mixed; see optics.radius_kind"
+    )
+    pigments: PigmentRamps | None = Field(
+        default=None, description="amounts of pigment where the pattern is 0 and 1, added to those below"
+    )
+    warp: float = Field(default=0.0, ge=0, le=10000, description="how far the pattern is pulled about, mm")
+    warp_scale: float | None = Field(
+        default=None,
+        ge=0.01,
+        le=10000,
+        description="size of the swirls by which it is pulled about, mm; left out: that of the pattern",
+    )
+    curve: Curve | None = Field(
+        default=None, description="remaps the pattern: 2 to 8 points [[from, to], ...], both 0 to 1, joined smoothly"
+    )
+    seed: Seed = Field(
+        default=0, description="added to the skin's seed; equal seeds of a kind of layer give equal patterns"
+    )
+
+    @abstractmethod
+    def size(self) -> float:
+        """Return the size of the pattern's largest features, mm."""
 
     def channels(self) -> dict[str, Flat | Ramp | Own]:
-        pairs = {"albedo": self.albedo, "height": self.height, "reflectance": self.reflectance}
+        pairs = {channel: getattr(self, channel) for channel in RAMPS}
+        pairs |= {} if self.pigments is None else self.pigments.pairs()
         return {channel: Ramp(*pair) for channel, pair in pairs.items() if pair is not None}
 
-    def blending(self) -> Blend:
-        return self.blend
-
     def unread_in_mask(self) -> set[str]:
-        return super().unread_in_mask() | {"albedo", "height", "reflectance", "blend"}
+        return super().unread_in_mask() | {*RAMPS, "pigments"}
 
 
-Seed = Annotated[int, Field(ge=0, lt=2**31)]
-SEED_FIELD: Any = Field(
-    default=0, description="added to the skin's seed; equal seeds of a kind of layer give equal patterns"
-)
+#: channels to which a pattern gives a pair of values
+RAMPS = ("albedo", "height", "reflectance", "roughness", "specular", "scattering_radius")
 
 LEVELS_FIELD: Any = Field(
     default=(0.0, 1.0),
@@ -226,11 +339,6 @@ def _pattern_mean(layer: type[Layer], values: tuple[tuple[str, Value], ...], siz
     count = 8192
     random = hashing.hash_cell(np.arange(count)[:, None] * np.array([1, 0, 0]), 0)
     normal = random[:, [3, 0, 1]] - 0.5
-    site = Site(
-        position=random[:, :3] * 1000 * size,
-        normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
-        uv=random[:, :2],
-        footprint=np.zeros(count),
-        footprint_uv=np.zeros(count),
-    )
-    return float(np.mean(layer.twin(dict(values), site, None)))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    points = site(random[:, :3] * 1000 * size, normal, np.zeros(count), random[:, :2])
+    return float(np.mean(layer.twin(dict(values), points, ())))

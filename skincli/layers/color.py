@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from skincli.layers.base import Flat, Height, Layer, Own, Ramp, Rgb, Unit
-from skincli.layers.blend import Blend
+from skincli.layers.base import RAMPS, Flat, Height, Own, RadiusRgb, Ramp, Rgb, Unit, Writing
+from skincli.layers.pigments import PigmentAmounts
 
 
-class Color(Layer):
+class Color(Writing):
     """One value everywhere: the ground coat, a tint, or, through a mask, a spot."""
 
     kernel: ClassVar[None] = None
@@ -18,11 +18,14 @@ class Color(Layer):
     albedo: Rgb | None = Field(default=None, description="color, linear Rec.709, 0 to 1")
     height: Height | None = Field(default=None, description="height, mm, added to those below")
     reflectance: Unit | None = Field(default=None, description="reflectance factor, 0 to 1")
-    blend: Blend = Field(default="normal", description="how albedo and reflectance join those below, in linear light")
+    roughness: Unit | None = Field(default=None, description="roughness, 0 to 1")
+    specular: Unit | None = Field(default=None, description="factor of the highlights, 0 to 1")
+    scattering_radius: RadiusRgb | None = Field(
+        default=None, description="scattering radius, mm; see optics.radius_kind"
+    )
+    pigments: PigmentAmounts | None = Field(default=None, description="amounts of pigment, added to those below")
 
     def channels(self) -> dict[str, Flat | Ramp | Own]:
-        values = {"albedo": self.albedo, "height": self.height, "reflectance": self.reflectance}
+        values = {channel: getattr(self, channel) for channel in RAMPS}
+        values |= {} if self.pigments is None else self.pigments.pairs()
         return {channel: Flat(value) for channel, value in values.items() if value is not None}
-
-    def blending(self) -> Blend:
-        return self.blend

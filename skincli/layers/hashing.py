@@ -9,6 +9,8 @@ Array = NDArray[np.float64]
 Cells = NDArray[np.int64]
 
 CORNERS = np.array([[i & 1, (i >> 1) & 1, i >> 2] for i in range(8)])
+#: Brings simplex noise to the range of the others; in lib/noise.glsl too.
+SIMPLEX_STRETCH = 64.0
 NEIGHBORS = np.array([[i % 3, (i // 3) % 3, i // 9] for i in range(27)]) - 1
 
 
@@ -61,37 +63,98 @@ def _corner_weights(fraction: Array) -> Array:
     return np.stack([np.prod(np.where(corner == 1, far, 1 - far), axis=-1) for corner in CORNERS])
 
 
-def gradient_noise(cell: Cells, fraction: Array, seed: int) -> Array:
+def wrap_cell(cell: Cells, period: int) -> Cells:
+    """Return the cell that stands for `cell` where patterns repeat every `period` cells along x and y; 0: nowhere."""
+    if period == 0:
+        return cell
+    return np.concatenate([cell[..., :2] % period, cell[..., 2:]], axis=-1)
+
+
+def gradient_noise(cell: Cells, fraction: Array, period: int, seed: int) -> Array:
     """Return (n,) gradient noise, about -1 to 1, mean 0."""
     total = np.zeros(fraction.shape[:-1])
     for weight, corner in zip(_corner_weights(fraction), CORNERS, strict=True):
-        gradient = 2 * hash_cell(cell + corner, seed)[..., :3] - 1
+        gradient = 2 * hash_cell(wrap_cell(cell + corner, period), seed)[..., :3] - 1
         total += weight * np.sum(gradient * (fraction - corner), axis=-1)
     return total
 
 
-def value_noise(cell: Cells, fraction: Array, seed: int) -> Array:
+def value_noise(cell: Cells, fraction: Array, period: int, seed: int) -> Array:
     """Return (n, 3) independent value noises, each -1 to 1."""
     total = np.zeros(fraction.shape)
     for weight, corner in zip(_corner_weights(fraction), CORNERS, strict=True):
-        total += weight[..., None] * (2 * hash_cell(cell + corner, seed)[..., :3] - 1)
+        total += weight[..., None] * (2 * hash_cell(wrap_cell(cell + corner, period), seed)[..., :3] - 1)
     return total
 
 
-def warp_cells(x: Array, amount: float, seed: int) -> Array:
-    """Move x, in cells, by up to `amount` cells."""
-    return x + amount * value_noise(*split(x), ~seed)
+def simplex_noise(cell: Cells, fraction: Array, period: int, seed: int) -> Array:
+    """Return (n,) simplex noise, about -1 to 1, mean 0: bumps at the corners of tetrahedra.
+
+    Parameters
+    ----------
+    cell, fraction : the place, split, in steps of the lattice
+    period : thirds of the number of steps after which it repeats along x and y; 0: never
+
+    References
+    ----------
+    [Perlin2001, "Noise Hardware"]
+    """
+    # The skewed place is cell + sum / 3; thirds of the cell's sum keep it exact.
+    total = cell.sum(axis=-1, keepdims=True)
+    carry, skewed = split(fraction + ((total % 3) + fraction.sum(axis=-1, keepdims=True)) / 3)
+    steps = total // 3 + carry
+    corner = cell + steps
+    lag = steps.sum(axis=-1, keepdims=True)
+    # From the corner, unskewed, to the place: corner - (sum of corner) / 6.
+    away = fraction - steps + (total + lag) / 6
+    order = np.stack(
+        [
+            (skewed[..., a] > skewed[..., b]).astype(int) + (skewed[..., a] >= skewed[..., c])
+            for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+        ],
+        axis=-1,
+    )
+    result = np.zeros(cell.shape[:-1])
+    for least in (3, 2, 1, 0):
+        offset = (order >= least).astype(np.int64)
+        to = away - offset + offset.sum(axis=-1, keepdims=True) / 6
+        gradient = 2 * hash_cell(wrap_simplex(corner + offset, period), seed)[..., :3] - 1
+        bump = np.maximum(0.5 - np.sum(to**2, axis=-1), 0) ** 4
+        result += bump * np.sum(gradient * to, axis=-1)
+    return SIMPLEX_STRETCH * result
+
+
+def wrap_simplex(corner: Cells, period: int) -> Cells:
+    """Return the corner of tetrahedra that stands for `corner` where 3 * period steps along x and y repeat."""
+    if period == 0:
+        return corner
+    i, j, k = np.moveaxis(corner, -1, 0)
+    x, y = (5 * i - j - k) // (18 * period), (5 * j - i - k) // (18 * period)
+    shift = np.stack([4 * x + y, x + 4 * y, x + y], axis=-1)
+    return corner - period * shift
+
+
+def warp_position(position: Array, amount: float, scale: float, period: int, seed: int) -> Array:
+    """Move positions, mm, by up to `amount` mm along each axis, in swirls of `scale` mm."""
+    return position + amount * value_noise(*split(position / scale), period, ~seed)
 
 
 def resolved(size: float, footprint: Array) -> Array:
-    """Return 1 where a feature of `size` mm is well resolved by texels of `footprint` mm, 0 where it is not."""
-    return smoothstep(1, 3, size / np.maximum(footprint, 1e-9))
+    """Return how much of a feature of `size` mm is left in the mean over a texel of `footprint` mm, 0 to 1."""
+    return np.exp(-np.minimum((footprint / max(size, 1e-9)) ** 2, 80))
 
 
 def levels(t: Array, ends: tuple[float, ...], blur: Array | float) -> Array:
-    """Stretch t so that ends[0] becomes 0 and ends[1] 1, smoothly; half the step is at least `blur` wide."""
+    """Stretch t so that ends[0] becomes 0 and ends[1] 1, smoothly; ends in falling order invert.
+
+    Parameters
+    ----------
+    t : the raw pattern
+    ends : what becomes 0 and 1
+    blur : half the width, in t, of the step that a texel makes of a hard one
+    """
     low, high = ends
-    half_width = np.maximum(0.5 * abs(high - low), np.maximum(blur, 1e-4))
+    half_width = np.maximum(np.hypot(0.5 * (high - low), blur), 1e-4)
     direction = -0.5 if high < low else 0.5
     x = np.clip(0.5 + direction * (t - 0.5 * (low + high)) / half_width, 0, 1)
     return x * x * (3 - 2 * x)

@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
+from layers_kit import evaluate, flat
 from numpy.typing import NDArray
 
 from skincli.layers import LAYERS, hashing
-from skincli.layers.base import Layer, Site
-from skincli.layers.blend import MODES, Blend
-from skincli.layers.fbm import NOISE_DEVIATION, Fbm
+from skincli.layers.base import Layer, Site, site
+from skincli.layers.fbm import Fbm
+from skincli.layers.fractal import NOISE_DEVIATION
 from skincli.layers.pores import Pores
 from skincli.layers.worley import Worley
 
 Array = NDArray[np.float64]
-
-
-def flat(side: int, size: float, footprint: float = 0.0) -> Site:
-    """Return side x side points of a square of `size` mm in the plane z = 0."""
-    v, u = (np.mgrid[0:side, 0:side].reshape(2, -1) + 0.5) / side
-    count = len(u)
-    return Site(
-        position=np.column_stack([u, v, np.zeros(count)]) * size,
-        normal=np.tile([0.0, 0.0, 1.0], (count, 1)),
-        uv=np.column_stack([u, v]),
-        footprint=np.full(count, footprint),
-        footprint_uv=np.full(count, 1 / side),
-    )
-
-
-def evaluate(layer: Layer, site: Site, seed: int = 0) -> Array:
-    return layer.twin(layer.values(seed), site, None)
 
 
 def test_the_hash_is_pcg4d() -> None:
@@ -67,14 +51,14 @@ def test_hashes_of_neighbors_are_uniform_and_independent() -> None:
 
 def test_gradient_noise_has_the_deviation_that_is_assumed() -> None:
     x = np.random.default_rng(4).random((200_000, 3)) * 1000
-    noise = hashing.gradient_noise(*hashing.split(x), 3)
+    noise = hashing.gradient_noise(*hashing.split(x), 0, 3)
     assert noise.mean() == pytest.approx(0, abs=0.002)
     assert noise.std() == pytest.approx(NOISE_DEVIATION, rel=0.01)
 
 
 def test_noise_is_continuous_across_cells() -> None:
     x = np.array([[3.0, 0.3, 0.6], [0.2, -5.0, 0.1], [0.7, 0.7, 8.0]])
-    below, above = (hashing.gradient_noise(*hashing.split(x + step), 3) for step in (-1e-9, 1e-9))
+    below, above = (hashing.gradient_noise(*hashing.split(x + step), 0, 3) for step in (-1e-9, 1e-9))
     assert np.allclose(below, above, atol=1e-8)
 
 
@@ -88,12 +72,17 @@ def test_levels_are_never_steeper_than_the_blur_allows() -> None:
     assert np.abs(np.diff(hashing.levels(t, (0.5, 0.5), 0.1))).max() < 0.001 * 1.5 / 0.2 * 1.001
 
 
-@pytest.mark.parametrize(("ratio", "expected"), [(0.5, 0), (1, 0), (2, 0.5), (3, 1), (100, 1)])
-def test_features_fade_at_about_two_texels(ratio: float, expected: float) -> None:
-    assert hashing.resolved(ratio, np.array([1.0]))[0] == pytest.approx(expected)
+def test_what_is_smaller_than_a_texel_fades() -> None:
+    """A Gaussian, which comes nearest to what a mean over the texel leaves of a pattern."""
+    ratios = np.array([0.0, 0.25, 0.5, 1, 2, 20])
+    found = np.array([hashing.resolved(1.0, ratio) for ratio in ratios])
+    assert np.all(np.diff(found) < 0)
+    assert found[0] == 1
+    assert hashing.resolved(3.0, np.array([3.0]))[0] == pytest.approx(np.exp(-1))
+    assert found[-1] < 1e-30
 
 
-@pytest.mark.parametrize("layer", [Fbm(scale=7), Fbm(scale=7, warp=5), Worley(scale=7), Pores(spacing=3)])
+@pytest.mark.parametrize("layer", [Fbm(scale=7), Worley(scale=7), Pores(spacing=3)])
 def test_patterns_lie_in_0_to_1_and_fill_it(layer: Layer) -> None:
     t = evaluate(layer, flat(100, 200))
     assert t.min() >= 0
@@ -104,8 +93,8 @@ def test_patterns_lie_in_0_to_1_and_fill_it(layer: Layer) -> None:
 def test_size_in_mm_sets_the_size_of_features() -> None:
     """A pattern of twice the scale at twice the place is the same pattern."""
     for layer in (Fbm, Worley):
-        one = evaluate(layer(scale=4, warp=1), flat(40, 30))
-        two = evaluate(layer(scale=8, warp=2), flat(40, 60))
+        one = evaluate(layer(scale=4), flat(40, 30))
+        two = evaluate(layer(scale=8), flat(40, 60))
         assert np.allclose(one, two, atol=1e-12)
 
 
@@ -119,11 +108,11 @@ def peaks(t: Array, above: float) -> int:
 def test_pores_have_the_spacing_that_is_asked_for() -> None:
     """On the flat, where no pore is farther from the surface than half the jitter, and on slanted planes."""
     layer = Pores(spacing=2, radius=0.4, variation=0, jitter=1)
-    site = flat(200, 40)
+    plane = flat(200, 40)
     turn = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
     counts = []
     for shift in range(4):
-        turned = {**site, "position": site["position"] @ turn.T + 100 * shift, "normal": site["normal"] @ turn.T}
+        turned = {**plane, "position": plane["position"] @ turn.T + 100 * shift, "normal": plane["normal"] @ turn.T}
         t = evaluate(layer, Site(**turned)).reshape(200, 200)  # type: ignore[typeddict-item]
         counts.append(peaks(t, 0.5))
     assert np.mean(counts) == pytest.approx((40 / 2) ** 2, rel=0.15)
@@ -134,18 +123,12 @@ def test_pores_are_round_on_a_slanted_plane() -> None:
     layer = Pores(spacing=2, radius=0.5)
     position = np.random.default_rng(1).uniform(-50, 50, (20_000, 3))
     count = len(position)
-    site = Site(
-        position=position,
-        normal=np.tile(np.array([1.0, 2.0, 2.0]) / 3, (count, 1)),
-        uv=np.zeros((count, 2)),
-        footprint=np.zeros(count),
-        footprint_uv=np.zeros(count),
-    )
-    here = evaluate(layer, site)
+    place = site(position, np.tile(np.array([1.0, 2.0, 2.0]) / 3, (count, 1)), np.zeros(count))
+    here = evaluate(layer, place)
     changes = []
     for step in (np.array([2.0, -2.0, 1.0]) / 3, np.array([2.0, 1.0, -2.0]) / 3):
-        site["position"] = position + 0.05 * step
-        changes.append(np.sqrt(np.mean((evaluate(layer, site) - here) ** 2)))
+        place["position"] = position + 0.05 * step
+        changes.append(np.sqrt(np.mean((evaluate(layer, place) - here) ** 2)))
     assert changes[0] > 0.01
     assert changes[0] == pytest.approx(changes[1], rel=0.1)
 
@@ -159,10 +142,10 @@ def test_edges_have_the_width_that_is_asked_for() -> None:
 
 def test_patches_and_edges_of_equal_seed_meet() -> None:
     """A patch changes its value only where the lines are."""
-    settings: dict[str, Any] = {"scale": 8, "warp": 3, "width": 0.4}
-    site = flat(200, 50)
-    edges = evaluate(Worley(pattern="edges", **settings), site)
-    patches = evaluate(Worley(pattern="patches", **settings), site).reshape(200, 200)
+    settings: dict[str, Any] = {"scale": 8, "width": 0.4}
+    place = flat(200, 50)
+    edges = evaluate(Worley(pattern="edges", **settings), place)
+    patches = evaluate(Worley(pattern="patches", **settings), place).reshape(200, 200)
     change = np.abs(np.diff(patches, axis=1))
     off_the_lines = (edges.reshape(200, 200)[:, 1:] == 0) & (edges.reshape(200, 200)[:, :-1] == 0)
     assert change[off_the_lines].max() < 1e-12
@@ -180,31 +163,6 @@ def test_the_nearest_point_is_found_in_27_cells() -> None:
         far = np.minimum(far, squared)
         near = np.minimum(near, squared) if np.abs(offset).max() == 1 or not offset.any() else near
     assert np.mean(near != far) < 1e-4
-
-
-@pytest.mark.parametrize(
-    ("mode", "expected"),
-    [
-        ("normal", [0.2, 0.6, 0.5]),
-        ("multiply", [0.04, 0.48, 0.25]),
-        ("screen", [0.36, 0.92, 0.75]),
-        ("overlay", [0.08, 0.84, 0.5]),
-    ],
-)
-def test_blend_modes(mode: Blend, expected: list[float]) -> None:
-    assert MODES[mode](np.array([0.2, 0.8, 0.5]), np.array([0.2, 0.6, 0.5])) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_blending_stays_in_0_to_1(mode: Blend) -> None:
-    b, s = np.meshgrid(np.linspace(0, 1, 33), np.linspace(0, 1, 33))
-    result = MODES[mode](b, s)
-    assert result.min() >= 0
-    assert result.max() <= 1
-
-
-def test_every_mode_has_its_twin() -> None:
-    assert set(MODES) == set(get_args(Blend))
 
 
 @pytest.mark.parametrize("layer", LAYERS.values(), ids=LAYERS)

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from layers_kit import ALL, stack
 
 from skincli.errors import LimitError
-from skincli.layers.base import Picture, Site
-from skincli.layers.stack import CHANNELS, fuse, twin_stack
+from skincli.layers.base import site
+from skincli.layers.image import Picture
+from skincli.layers.stack import fuse, twin_stack
 from skincli.scene.skin import Skin
 
-ALL = frozenset(CHANNELS)
-SITE = Site(
-    position=np.random.default_rng(6).uniform(-10, 10, (100, 3)),
-    normal=np.tile([0.0, 0.0, 1.0], (100, 1)),
-    uv=np.zeros((100, 2)),
-    footprint=np.zeros(100),
-    footprint_uv=np.zeros(100),
-)
-
-
-def stack(*layers: dict[str, Any], seed: int = 0) -> Skin:
-    return Skin.model_validate({"skin": 1, "seed": seed, "layers": list(layers)})
+SITE = site(np.random.default_rng(6).uniform(-10, 10, (100, 3)), np.tile([0.0, 0.0, 1.0], (100, 1)), np.zeros(100))
 
 
 def members(skin: Skin, *maps: str) -> dict[str, Any]:
@@ -71,7 +61,7 @@ def test_a_layer_may_appear_twice() -> None:
 
 def test_a_choice_is_a_constant_and_not_a_uniform() -> None:
     fused = fuse(stack({"worley": {"pattern": "edges", "width": 1, "height": [0, 1]}}), {"height"})
-    assert "const int WORLEY_EDGES = 1;" in fused.source
+    assert "const int WORLEY_EDGES = 3;" in fused.source
     assert "worley_values(WORLEY_EDGES, p.layer0_scale" in fused.source
     assert "layer0_kind" not in dict(fused.members)
 
@@ -85,13 +75,10 @@ def test_images_are_shared_and_named() -> None:
         {"color": {"albedo": [0, 0, 0], "mask": {"image": {"file": "m.png", "role": "grey"}}}},
         {"image": {"file": "n.png", "role": "normal_dx"}},
     )
-    assert fuse(skin, ALL).images == (
-        ("image0", Picture(Path("a.png"), "grey", True)),
-        ("image1", Picture(Path("a.png"), "grey", False)),
-        ("image2", Picture(Path("m.png"), "grey", True)),
-        ("image3", Picture(Path("n.png"), "normal", True)),
-    )
-    assert fuse(skin, {"height"}).images == (("image0", Picture(Path("a.png"), "grey", True)),)
+    found = fuse(skin, ALL).textures
+    assert [name for name, _ in found] == ["image0", "image1", "image2"]
+    assert [picture.file.name for _, picture in found if isinstance(picture, Picture)] == ["a.png", "m.png", "n.png"]
+    assert fuse(skin, {"height"}).textures == found[:1]
 
 
 def test_too_many_images_are_refused() -> None:

@@ -1,0 +1,117 @@
+"""Suckers: rings with a cup and a hole in the middle, as on the arms of an octopus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from skincli.layers import filtering, hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.marks import along_surface, disk, find_marks
+
+#: How far apart the places may be in which a texel is looked at, in radii of a sucker.
+FINEST = 0.1
+#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
+FIRST, LAST = 0.75, 8.0
+#: Radius and half the width of the edge of the outer rim, the cup and the hole, as shares of the sucker's radius.
+RIM, CUP, HOLE = (0.86, 0.14), (0.6, 0.1), (0.2, 0.07)
+#: Height of the floor of the cup, where the rim is 1.
+FLOOR = 0.35
+#: How much the folds take away where they are deepest.
+FOLD_DEPTH = 0.5
+
+
+class Part(IntEnum):
+    """What of a sucker is 1."""
+
+    ALL = 0
+    RIM = 1
+    CUP = 2
+
+
+class Suckers(Pattern):
+    """Suckers: a rim, a cup with radial folds, and a hole in its middle."""
+
+    spacing: float = Field(default=6.0, ge=0.01, le=1000, description="mean distance between suckers, mm")
+    diameter: float = Field(default=5.0, gt=0, le=1000, description="of the largest, mm, at most the spacing")
+    variation: Unit = Field(default=0.3, description="how much smaller some are: 0 equal, 1 down to nothing")
+    folds: Unit = Field(default=0.5, description="depth of the sixteen folds from hole to rim, 0 to 1")
+    part: Literal["all", "rim", "cup"] = Field(
+        default="all",
+        description="all: height, 1 on the rim, less in the cup, 0 in the hole and between suckers; rim: 1 on the rim; "
+        "cup: 1 within it",
+    )
+    jitter: float = Field(default=0.2, ge=0, le=1, description="disorder: 0 a lattice, 1 random")
+
+    def size(self) -> float:
+        return self.spacing
+
+    @model_validator(mode="after")
+    def _fits(self) -> Suckers:
+        if self.diameter > self.spacing:
+            raise ValueError(
+                f"diameter is {self.diameter:g} mm, more than spacing, {self.spacing:g} mm; "
+                "lower diameter or raise spacing"
+            )
+        return self
+
+    def values(self, ground: Ground) -> dict[str, Value]:
+        cell, period = ground.fit(self.spacing)
+        values: dict[str, Value] = {
+            "part": Part[self.part.upper()],
+            "cell": cell,
+            "period": period,
+            "radius": 0.5 * self.diameter / cell,
+            "variation": self.variation,
+            "folds": FOLD_DEPTH * self.folds,
+            "jitter": self.jitter,
+            "seed": joint_seed(ground.seed, self.seed),
+        }
+        return values | {"mean": pattern_mean(type(self), values, cell)}
+
+    @classmethod
+    def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
+        texel = site["footprint"] / values["cell"]
+        t = np.zeros(len(texel))
+        for part in filtering.looks(site, FINEST * values["radius"] * values["cell"], 4):
+            t[part.chosen] = _rings(values, part)
+        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
+        return (1 - shown) * values["mean"] + shown * t
+
+
+def _rings(values: Mapping[str, Any], part: filtering.Looks) -> Array:
+    """Return the pattern in texels of which each is looked at in equally many places."""
+    cell, texel, normal = values["cell"], part.site["footprint"] / values["cell"], part.site["normal"]
+    place = texel / part.count
+    widest = filtering.disk_of(np.array(values["radius"] * RIM[0]), np.array(values["radius"] * RIM[1]), place)
+    reach = np.where(texel < LAST, widest.reach() + part.reach() / cell, 0)
+    marks = find_marks(
+        part.site["position"] / cell, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"]
+    )
+    radius = values["radius"] * np.sqrt(marks.near) * (1 - values["variation"] * marks.random[..., 3])
+    rim, cup, hole = (
+        filtering.disk_of(share * radius, softness * radius, place[:, None]) for share, softness in (RIM, CUP, HOLE)
+    )
+    heading = along_surface(marks.more_random()[..., :3] - 0.5, normal[:, None])
+    clear = 1 - hashing.smoothstep(0.05, 0.2, place[:, None] / np.maximum(radius, 1e-6))
+    t = np.zeros(len(texel))
+    for step in part.steps:
+        away = marks.along - step[:, None] / cell
+        distance = np.sqrt(np.maximum(np.sum(away**2, axis=-1), 1e-12))
+        cosine2 = (np.sum(away * heading, axis=-1) / distance) ** 2
+        eight = 2 * (8 * cosine2 * (cosine2 - 1) + 1) ** 2 - 1
+        whole, inner, pit = rim.at(distance), cup.at(distance), hole.at(distance)
+        if values["part"] == Part.RIM:
+            own = whole - inner
+        elif values["part"] == Part.CUP:
+            own = inner
+        else:
+            own = whole - (1 - FLOOR) * inner - FLOOR * pit
+        # The folds run from the hole across the cup and end on the rim.
+        fold = values["folds"] * (0.5 - 0.5 * clear * (2 * eight * eight - 1)) * (1 - pit) * (0.3 + 0.7 * inner)
+        t += np.minimum(np.sum(np.maximum(own, 0) * (1 - fold), axis=1), 1)
+    return t / len(part.steps)

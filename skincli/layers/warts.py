@@ -1,0 +1,120 @@
+"""Warts: round bumps of varying size that stand in clusters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from skincli.layers import filtering, hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Value, joint_seed, pattern_mean
+from skincli.layers.marks import disk, find_marks
+
+#: Share of the range of densities over which a wart grows from nothing to its full size.
+GROWTH = 0.5
+#: Gradient noise of this size, to both sides, makes the densities 0 and 1.
+NOISE_RANGE = 0.45
+#: How far apart the places may be in which a texel is looked at, in radii of a wart.
+FINEST = 0.3
+#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
+FIRST, LAST = 0.75, 8.0
+
+
+class Warts(Pattern):
+    """Round bumps of varying size, in clusters: toads, octopuses, alien hides. The pattern is their height."""
+
+    spacing: float = Field(default=3.0, ge=0.01, le=1000, description="mean distance between warts in a cluster, mm")
+    diameter: float = Field(default=2.4, gt=0, le=1000, description="of the largest, mm, at most the spacing")
+    variation: float = Field(default=0.6, ge=0, le=1, description="how much smaller some are: 0 equal, 1 to nothing")
+    flatness: float = Field(default=0.3, ge=0, le=1, description="0 domes, 1 buttons with flat tops")
+    jitter: float = Field(default=0.9, ge=0, le=1, description="disorder: 0 a lattice, 1 random")
+    clustering: float = Field(default=0.6, ge=0, le=1, description="0 warts everywhere, 1 in clusters with bare skin")
+    cluster_size: float = Field(
+        default=15.0, ge=0.01, le=10000, description="size of the clusters, mm, at least three times the spacing"
+    )
+
+    def size(self) -> float:
+        return self.spacing
+
+    @model_validator(mode="after")
+    def _fits(self) -> Warts:
+        if self.diameter > self.spacing:
+            raise ValueError(
+                f"diameter is {self.diameter:g} mm, more than spacing, {self.spacing:g} mm; "
+                "lower diameter or raise spacing"
+            )
+        if self.clustering > 0 and self.cluster_size < 3 * self.spacing:
+            raise ValueError(
+                f"cluster_size is {self.cluster_size:g} mm, less than three times the spacing, {self.spacing:g} mm; "
+                "raise cluster_size, or set clustering to 0"
+            )
+        return self
+
+    def values(self, ground: Ground) -> dict[str, Value]:
+        cell, period = ground.fit(self.spacing)
+        cluster, cluster_period = ground.fit(self.cluster_size)
+        values: dict[str, Value] = {
+            "cell": cell,
+            "period": period,
+            "radius": 0.5 * self.diameter / cell,
+            "variation": self.variation,
+            "flatness": self.flatness,
+            "spread": _spread(self.flatness),
+            "jitter": self.jitter,
+            "clustering": self.clustering,
+            "cluster": cluster,
+            "cluster_period": cluster_period,
+            "seed": joint_seed(ground.seed, self.seed),
+        }
+        return values | {"mean": pattern_mean(type(self), {**values, "clustering": 0.0}, cell)}
+
+    @classmethod
+    def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
+        texel = site["footprint"] / values["cell"]
+        noise = hashing.gradient_noise(
+            *hashing.split(site["position"] / values["cluster"]), values["cluster_period"], ~values["seed"]
+        )
+        clear = hashing.smoothstep(0.5, 4, values["cluster"] / np.maximum(site["footprint"], 1e-9))
+        density = 0.5 + clear * (hashing.smoothstep(-NOISE_RANGE, NOISE_RANGE, noise) - 0.5)
+        # Beyond 1 by the range of growth, so that nothing is still growing where the density is full.
+        density = (1 - values["clustering"] * (1 - density)) * (1 + GROWTH)
+        t = np.zeros(len(texel))
+        for part in filtering.looks(site, FINEST * values["cell"] * values["radius"], 4):
+            t[part.chosen] = _bumps(values, part, density[part.chosen])
+        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
+        return (1 - shown) * values["mean"] * _grown(density) + shown * t
+
+
+def _bumps(values: Mapping[str, Any], part: filtering.Looks, density: Array) -> Array:
+    """Return the height of the warts in texels of which each is looked at in equally many places."""
+    cell, texel = values["cell"], part.site["footprint"] / values["cell"]
+    widening = values["spread"] * (texel / part.count) ** 2
+    reach = np.where(texel < LAST, np.sqrt(values["radius"] ** 2 + widening) + part.reach() / cell, 0)
+    position, normal = part.site["position"] / cell, part.site["normal"]
+    marks = find_marks(position, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"])
+    grown = np.clip((density[:, None] - marks.more_random()[..., 3]) / GROWTH, 0, 1)
+    size = grown * (1 - values["variation"] * marks.random[..., 3])
+    own2 = np.sqrt(marks.near) * (values["radius"] * size) ** 2
+    size = size * np.sqrt(marks.near)
+    radius2 = np.maximum(own2 + widening[:, None], 1e-12)
+    t = np.zeros(len(texel))
+    for step in part.steps:
+        squared = np.sum((marks.along - step[:, None] / cell) ** 2, axis=-1)
+        bowl = np.maximum(1 - squared / radius2, 0)
+        dome = bowl * bowl * (1 + 2 * values["flatness"] * (1 - bowl))
+        t += 1 - np.prod(1 - size * own2 / radius2 * dome, axis=1)
+    return t / len(part.steps)
+
+
+def _spread(flatness: float) -> float:
+    """Return by how many squared texels the squared radius of a wart grows, so that its variance grows by 1/12."""
+    mass, moment = 1 / 3 + flatness / 6, 1 / 12 + flatness / 15
+    return mass / (6 * moment)
+
+
+def _grown(density: Array) -> Array:
+    """Return the mean of the cubed sizes: the share of the full height that is left where the density is lower."""
+    growing = (np.minimum(density, GROWTH) ** 4 - np.maximum(density - 1, 0) ** 4) / (4 * GROWTH**3)
+    return np.maximum(density - GROWTH, 0) + growing
