@@ -4,7 +4,7 @@ Every array is (h, w, c) float32 with the TOP row first, as files have it, scene
 with straight (unassociated) alpha. What a file holds is decided by the role it is read for, never by its tags, because
 most PNG files are tagged sRGB whatever they contain:
 
-- color in 8- and 16-bit integer files is sRGB-encoded; color in float files (EXR, HDR) is linear;
+- color in integer files is sRGB-encoded; color in float files (EXR, HDR, PFM) is linear;
 - data (height, normals, masks) is taken as stored, integers scaled to [0, 1].
 
 An EXR picture is placed into its display window. Orientation tags of cameras are not applied: texture coordinates
@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,6 +33,8 @@ from skincli.errors import Fault, InputError, LimitError, OutputError
 
 Image = NDArray[np.float32]
 StrPath = str | os.PathLike[str]
+ColorSpace = Literal["lin_rec709_scene", "data"]
+"""What the numbers of an EXR file are, in the names of the Color Interop Forum (ASWF, 2024)."""
 
 MAX_SIDE = 32768
 """Longest side of a picture, in pixels."""
@@ -40,8 +43,8 @@ MAX_MEGABYTES = 1024
 HALF_MAX = 65504.0
 """Largest finite value of a half."""
 
-# OpenImageIO's names of the readers a picture may go through; it chooses them by content.
-_FORMATS = {"png": "png", "jpeg": "jpg", "openexr": "exr", "tiff": "tif", "hdr": "hdr", "targa": "tga", "webp": "webp"}
+# OpenImageIO's readers of what is no still picture: nothing at all, volumes, movies, one texture per face.
+_NO_PICTURES = {"null", "openvdb", "ffmpeg", "ptex"}
 
 _log = logging.getLogger("skincli")
 
@@ -49,9 +52,17 @@ _log = logging.getLogger("skincli")
 # ---------------------------------------------------------------------------------------------------------- reading
 
 
+@cache
+def formats() -> Mapping[str, tuple[str, ...]]:
+    """Return what a picture may be: the names of the readers, each with its suffixes, such as "png": (".png",)."""
+    readers = set(oiio.get_string_attribute("input_format_list").split(",")) - _NO_PICTURES
+    entries = (entry.split(":") for entry in sorted(oiio.get_string_attribute("extension_list").split(";")))
+    return {name: tuple(f".{suffix}" for suffix in found.split(",")) for name, found in entries if name in readers}
+
+
 @dataclass(frozen=True)
 class _Stored:
-    """What a file holds, undecoded: `pixels` (h, w, c) uint8, uint16 or float32, alpha last where there is one."""
+    """What a file holds, undecoded: `pixels` (h, w, c), unsigned integers or float32, alpha last if there is one."""
 
     pixels: NDArray[Any]
     alpha: bool
@@ -81,7 +92,7 @@ def read_color(path: StrPath, label: str | None = None) -> Image:
 
     Parameters
     ----------
-    path : png, jpg, exr, tif, hdr, tga or webp, recognized by content
+    path : any still picture that OpenImageIO reads (see `formats`), recognized by content
     label : the path as the user wrote it, for messages; `path` by default
 
     Returns
@@ -98,7 +109,7 @@ def read_color(path: StrPath, label: str | None = None) -> Image:
     LimitError
         The picture is larger than `MAX_SIDE` or `MAX_MEGABYTES`.
     """
-    stored = _load(path, label)
+    stored = _load(path, label, oiio.UINT16)
     if stored.colors not in (1, 3):
         raise stored.refuse("a color picture needs R, G and B or one gray channel; export it again with these")
     pixels = stored.pixels
@@ -118,13 +129,14 @@ def read_color(path: StrPath, label: str | None = None) -> Image:
     return result
 
 
-def read_data(path: StrPath, channels: int, label: str | None = None) -> Image:
+def read_data(path: StrPath, channels: int, label: str | None = None, *, spread: bool = False) -> Image:
     """Read a picture as raw values: height, normals, masks.
 
     Parameters
     ----------
     path, label : see `read_color`
     channels : 1 to 4
+    spread : a file of one channel fills the first three, in place of being refused
 
     Returns
     -------
@@ -138,7 +150,7 @@ def read_data(path: StrPath, channels: int, label: str | None = None) -> Image:
     InputError, LimitError
         As for `read_color`; also where the file has fewer channels than asked for.
     """
-    stored = _load(path, label)
+    stored = _load(path, label, oiio.UINT32)
     values = stored.pixels if not stored.integer else stored.pixels.astype(np.float32) / np.float32(stored.scale)
     color = values[..., : stored.colors] if stored.colors else values
     if channels == 1:
@@ -147,7 +159,9 @@ def read_data(path: StrPath, channels: int, label: str | None = None) -> Image:
             return luminance(color)[..., None].astype(np.float32)
         return np.ascontiguousarray(first)
     needed = min(channels, 3)
-    if stored.colors < needed:
+    if spread and stored.colors == 1:
+        color = color.repeat(needed, axis=2)
+    elif stored.colors < needed:
         raise stored.refuse(f"{needed} channels are needed; export it again with these")
     color = color[..., :needed]
     if channels == 4:
@@ -181,8 +195,8 @@ def straight(rgba: ArrayLike) -> Image:
     return values
 
 
-def _load(path: StrPath, label: str | None) -> _Stored:
-    """Check and read the layer of a file that the readers above choose from."""
+def _load(path: StrPath, label: str | None, widest: Any) -> _Stored:
+    """Check and read the layer of a file that the readers above choose from; integers up to the type `widest`."""
     label = os.fspath(path) if label is None else label
     source = _open(Path(path), label)
     try:
@@ -192,7 +206,8 @@ def _load(path: StrPath, label: str | None) -> _Stored:
         chosen, alpha = _layer(names)
         begin, end = min(chosen), max(chosen) + 1
         integer = spec.format.basetype not in (oiio.FLOAT, oiio.HALF, oiio.DOUBLE)
-        kind = (oiio.UINT8 if spec.format.basetype == oiio.UINT8 else oiio.UINT16) if integer else oiio.FLOAT
+        narrow = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16, oiio.INT8: oiio.UINT16, oiio.INT16: oiio.UINT16}
+        kind = narrow.get(spec.format.basetype, widest) if integer else oiio.FLOAT
         # Asking for the alpha as stored is what keeps OpenImageIO from multiplying sRGB codes by it (see _open).
         associated = not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
         pixels = source.read_image(0, 0, begin, end, kind)
@@ -203,6 +218,9 @@ def _load(path: StrPath, label: str | None) -> _Stored:
             raise InputError(Fault(f"is damaged: {found}; export or copy it again", label))
         if source.seek_subimage(1, 0):
             _log.warning("%s: has several parts; the first is used", label)
+        encoding = spec.get_string_attribute("oiio:ColorSpace")
+        if integer and "log" in encoding.lower():  # as film scans in DPX and Cineon files are
+            _log.warning("%s: is tagged %s, which is not undone; convert it to sRGB or linear EXR", label, encoding)
         source.geterror()  # one part only is noted as an error, which would be printed later
     finally:
         source.close()
@@ -217,7 +235,7 @@ def _open(path: Path, label: str) -> Any:
     """Open a file of an allowed format, or say why not."""
 
     def refusal(found: str) -> InputError:
-        return InputError(Fault(f"{found}; a picture may be {', '.join(_FORMATS.values())}", label))
+        return InputError(Fault(f"{found}; a picture may be {', '.join(formats())}; convert it", label))
 
     if path.is_dir():
         raise refusal("is a folder, not a picture")
@@ -231,7 +249,7 @@ def _open(path: Path, label: str) -> Any:
     source = oiio.ImageInput.open(os.fspath(path), wishes)
     if source is None:
         raise refusal(f"cannot be opened as a picture: {_one_line(oiio.geterror())}")
-    if source.format_name() not in _FORMATS:
+    if source.format_name() not in formats():
         source.close()
         raise refusal(f"is a {source.format_name()} file")
     return source
@@ -363,6 +381,7 @@ def write_exr(
     layers: Mapping[str, ArrayLike],
     *,
     half: bool | Mapping[str, bool] = True,
+    color_space: ColorSpace = "lin_rec709_scene",
     attributes: Mapping[str, str | int | float] | None = None,
 ) -> None:
     """Write named layers of equal size into one EXR file.
@@ -376,6 +395,8 @@ def write_exr(
         associated (multiplied by alpha) in the file, as the format demands.
     half : whether channels are half instead of float; a mapping says so per layer, those it leaves out are half. Values
         beyond +-65504 are clamped to that in half layers, with a warning that counts them.
+    color_space : the file's `colorInteropID` (and OpenImageIO's `oiio:ColorSpace`): of its color layers, or "data"
+        where no layer is color
     attributes : further metadata; DateTime is SOURCE_DATE_EPOCH, or 1970, so that bytes do not change from day to day
 
     Raises
@@ -405,10 +426,13 @@ def write_exr(
         found = ", ".join(f"{count} of {name}" for name, count in clamped.items())
         _log.warning("%s: values beyond +-%g were clamped to it: %s", os.fspath(path), HALF_MAX, found)
     pixels = np.concatenate(arrays, axis=2)
-    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.TypeFloat)
+    # OpenImageIO drops the formats of the channels where all are equal, and takes the file's own.
+    kind = oiio.TypeFloat if oiio.TypeFloat in formats else oiio.TypeHalf
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
     spec.channelnames = tuple(names)
     spec.channelformats = tuple(formats)
     spec.attribute("compression", "zip")
+    spec.attribute("oiio:ColorSpace", color_space)
     for key, value in (attributes or {}).items():
         spec.attribute(key, value)
     _write("openexr", path, spec, pixels)
@@ -518,7 +542,34 @@ def _date() -> str:
         raise InputError(f"SOURCE_DATE_EPOCH is '{text}'; it must be whole seconds since 1970; unset it") from error
 
 
-# ---------------------------------------------------------------------------------------------------------- previews
+# ------------------------------------------------------------------------------------------ resampling and previews
+
+
+def reduce_to(image: ArrayLike, side: int) -> Image:
+    """Shrink each axis of (h, w) or (h, w, c) that is longer than `side` to it; what fits stays as it is.
+
+    Each pixel becomes the mean of the area it covers, fractions of pixels included, so that the mean of the picture
+    stays. The axes are independent, for a texture is laid over a square whatever its proportions. Alpha is averaged
+    by itself.
+    """
+    image = _as_image(image)
+    for axis in (0, 1):
+        if image.shape[axis] > side:
+            image = np.swapaxes(_shrink(np.swapaxes(image, 0, axis), side), 0, axis)
+    return np.ascontiguousarray(image)
+
+
+def _shrink(rows: Image, count: int) -> Image:
+    """Average (n, m, c) rows to (count, m, c), count < n."""
+    length = len(rows)
+    result = np.empty((count, *rows.shape[1:]), np.float32)
+    for index in range(count):
+        # In units of 1/count of a row, in which all borders are whole numbers.
+        begin, end = index * length, (index + 1) * length
+        first, last = begin // count, -(-end // count)
+        borders = np.clip(np.arange(first, last + 1) * count, begin, end)
+        result[index] = np.tensordot(np.diff(borders) / length, rows[first:last], 1)
+    return result
 
 
 def resize(image: ArrayLike, width: int, height: int) -> Image:

@@ -4,12 +4,14 @@ in vec3 in_normal;
 in vec2 in_uv;
 in vec3 in_dpdu;
 in vec3 in_dpdv;
+in vec2 in_baked;
 in vec2 in_offset;
 
 out vec3 v_position;
 out vec3 v_normal;
 out vec3 v_dpdu;
 out vec3 v_dpdv;
+out vec2 v_baked;
 
 void main() {
     vec2 offset = in_offset * p.gutter;
@@ -17,5 +19,6 @@ void main() {
     v_normal = in_normal;
     v_dpdu = in_dpdu;
     v_dpdv = in_dpdv;
+    v_baked = in_baked;
     gl_Position = vec4((in_uv + offset) * 2.0 - 1.0, 0.0, 1.0);
 }

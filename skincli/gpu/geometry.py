@@ -12,10 +12,19 @@ from numpy.typing import NDArray
 from skincli.gpu.context import get_context
 from skincli.gpu.counters import COUNTERS
 from skincli.mesh import surface
+from skincli.mesh.bake import Bake
 from skincli.mesh.model import Mesh
 
 #: attribute name -> number of floats, in the order of the vertex buffer
-ATTRIBUTES = {"in_position": 3, "in_normal": 3, "in_uv": 2, "in_atlas_uv": 2, "in_dpdu": 3, "in_dpdv": 3}
+ATTRIBUTES = {
+    "in_position": 3,
+    "in_normal": 3,
+    "in_uv": 2,
+    "in_atlas_uv": 2,
+    "in_dpdu": 3,
+    "in_dpdv": 3,
+    "in_baked": 2,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,21 +34,27 @@ class Geometry:
     Parameters
     ----------
     mesh : positions in mm relative to its origin; they become float32 here and nowhere earlier
+    baked : what was baked of the mesh, None where nobody asks for it
     """
 
     mesh: Mesh
+    baked: Bake | None = None
 
     @property
     def key(self) -> str:
         """The mesh's content hash, without its place in the scene: passes work relative to it."""
-        return self.mesh.key
+        return self.mesh.key + ("" if self.baked is None else " baked")
 
     @cached_property
     def vertices(self) -> NDArray[np.float32]:
-        """(n, 16) the attributes side by side."""
+        """(n, 18) the attributes side by side."""
         mesh = self.mesh
         dpdu, dpdv = surface.tangents(mesh.positions, mesh.faces, mesh.uv)
-        columns = [mesh.positions, mesh.normals, mesh.uv, mesh.atlas_uv, dpdu, dpdv]
+        if self.baked is None:
+            baked = np.tile([1.0, 0.0], (len(mesh.positions), 1))
+        else:
+            baked = np.column_stack([self.baked.occlusion, self.baked.curvature])
+        columns = [mesh.positions, mesh.normals, mesh.uv, mesh.atlas_uv, dpdu, dpdv, baked]
         return np.concatenate(columns, axis=1).astype(np.float32)
 
     @cached_property

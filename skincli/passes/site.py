@@ -23,9 +23,13 @@ class SiteValues(Values):
 
 
 class Site(Pass):
-    """Rasterises the mesh into the maps' uv: position (mm, w = covered), normal (unit, w = mm per texel)."""
+    """Rasterises the mesh into the maps' uv.
+
+    position (mm, w = covered), normal (unit, w = mm per texel), baked (ambient occlusion, mean curvature in 1/mm), and
+    metric: dP/du and dP/dv in mm per unit of uv, written in the tangent frame: (x, 0) and (y, z).
+    """
 
     dear = True
     shader = "passes/site.frag"
     vertex = "passes/site.vert"
-    outputs = {"position": Output(), "normal": Output()}
+    outputs = {"position": Output(), "normal": Output(), "baked": Output("rg16f"), "metric": Output("rgba32f")}

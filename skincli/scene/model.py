@@ -53,8 +53,8 @@ Triple = Field(strict=False, min_length=3, max_length=3)
 Position = Annotated[tuple[Coordinate, ...], Triple]
 Direction = Annotated[tuple[Coordinate, ...], Triple, AfterValidator(_nonzero)]
 # Negative light is allowed: it darkens. The bound keeps products of light and skin within float32.
-Color = Annotated[tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...], Triple]
-PositiveColor = Annotated[tuple[Annotated[float, Field(ge=0, le=1e9)], ...], Triple]
+Color = Annotated[tuple[Annotated[float, Field(ge=-1e12, le=1e12)], ...], Triple]
+PositiveColor = Annotated[tuple[Annotated[float, Field(ge=0, le=1e12)], ...], Triple]
 Exposure = Annotated[float, Field(ge=-64, le=64)]
 Side = Annotated[int, Field(ge=1, le=MAX_SIZE)]
 
@@ -209,6 +209,9 @@ class Environment(Written):
     exposure: Exposure = Field(default=0.0, description="brightening of the environment, EV (doublings)")
 
 
+LEAST_WEIGHT = 1e-6  # of Equation 1's two together: far smaller ones are 0 in float32
+
+
 class Occlusion(Written):
     """Screen-space ambient occlusion of two radii, mixed as (high^a low^b)^(1/(a+b)), Equation 1 of the seed paper."""
 
@@ -222,8 +225,10 @@ class Occlusion(Written):
 
     @model_validator(mode="after")
     def _has_weight(self) -> Occlusion:
-        if self.a + self.b <= 0:
-            raise ValueError("a and b are both 0; give at least one of them a weight above 0")
+        if self.a + self.b < LEAST_WEIGHT:
+            raise ValueError(
+                f"a and b are {self.a:g} and {self.b:g}; give at least one of them a weight of {LEAST_WEIGHT:g} or more"
+            )
         return self
 
 
@@ -238,11 +243,39 @@ class Effects(Written):
     reflection_damping: bool = Field(default=True, description="darkening of the reflection by the occlusion")
 
 
+DiffusionMethod = Literal["lattice", "none", "paper", "sum_of_gaussians", "screen_space", "splat", "exact"]
+
+
+class Diffusion(Written):
+    """How light spreads below the surface; `diffusion: METHOD` says the method alone."""
+
+    method: DiffusionMethod | None = Field(
+        default=None,
+        description="lattice: on the surface in millimetres, without seams; none; paper: a blur of texels; "
+        "sum_of_gaussians: in texture space with stretch maps; screen_space: in the picture; splat: discs in the "
+        "picture; exact: float64 on the host, slow; left out: lattice, or paper for shading: paper",
+    )
+    terms: Annotated[int, Field(ge=1, le=6)] | None = Field(
+        default=None, description="Gaussians that stand for the profile, 1 to 6; left out: by quality 3, 4 or 6"
+    )
+    albedo: Literal["after", "before", "split"] = Field(
+        default="after",
+        description="where the skin's color is taken: from light that comes out (after), that goes in (before), or "
+        "its square root from both (split)",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _method_alone(cls, value: object) -> object:
+        return {"method": value} if isinstance(value, str) else value
+
+
 Shading = Literal["physical", "paper"]
 Quality = Literal["draft", "standard", "high"]
 
 ATLAS_OF_QUALITY: dict[Quality, int] = {"draft": 1024, "standard": 2048, "high": 4096}
 SUPERSAMPLE_OF_QUALITY: dict[Quality, int] = {"draft": 1, "standard": 2, "high": 3}
+TERMS_OF_QUALITY: dict[Quality, int] = {"draft": 3, "standard": 4, "high": 6}
 PAPER_ATLAS = 2500
 PAPER_SUPERSAMPLE = 1
 
@@ -261,6 +294,7 @@ class Render(Written):
     )
     occlusion: Occlusion = Field(default=Occlusion(), description="screen-space ambient occlusion")
     effects: Effects = Field(default=Effects(), description="switches of single effects")
+    diffusion: Diffusion = Field(default=Diffusion(), description="how light spreads below the surface")
     display: Literal["neutral", "srgb"] = Field(
         default="neutral", description="from scene-linear light to 8-bit pictures"
     )
@@ -275,6 +309,32 @@ class Render(Written):
         """Samples per pixel along each axis: as written, else by shading and quality."""
         chosen = PAPER_SUPERSAMPLE if self.shading == "paper" else SUPERSAMPLE_OF_QUALITY[self.quality]
         return self.supersample or chosen
+
+    @property
+    def irradiance_samples(self) -> int:
+        """Places along a texel's side where light is asked for: the paper and drafts take its center alone."""
+        return 1 if self.shading == "paper" or self.quality == "draft" else 2
+
+    @property
+    def diffusion_method(self) -> DiffusionMethod:
+        """What spreads light below the surface: as written, else by shading; none where the effect is off."""
+        if not self.effects.blur:
+            return "none"
+        return self.diffusion.method or ("paper" if self.shading == "paper" else "lattice")
+
+    @property
+    def diffusion_terms(self) -> int:
+        """Gaussians that stand for a profile: as written, else by quality."""
+        return self.diffusion.terms or TERMS_OF_QUALITY[self.quality]
+
+    @model_validator(mode="after")
+    def _paper_is_the_paper(self) -> Render:
+        if self.shading == "paper" and self.diffusion != Diffusion():
+            raise ValueError(
+                "shading: paper has the paper's own blur, after which comes albedo; remove diffusion, "
+                "or write shading: physical"
+            )
+        return self
 
 
 def check_outputs(names: Collection[str], allowed: Collection[str]) -> list[str]:

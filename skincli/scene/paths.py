@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import NamedTuple, get_args
 
 from skincli import files, resources
 from skincli.errors import Fault, InputError, UsageError, did_you_mean
-from skincli.scene.model import Scene
+from skincli.scene.model import MAX_SIZE, Scene
 from skincli.scene.skin import Skin
 from skincli.scene.yaml import (
     PLAIN_KEY,
@@ -210,7 +211,7 @@ def _replaced(node: Node | None, path: Steps, value: Node, mark: Mark) -> Node:
     )
 
 
-#: what tells a skin file's path from a preset's name
+#: what tells a path from a preset's name
 _PATH_LIKE = r"[/\\]|\.ya?ml$"
 
 
@@ -277,7 +278,7 @@ def load_skin(skin: str, sets: Sequence[str] = (), asset_roots: Sequence[Path] =
 
     Parameters
     ----------
-    skin : a preset's name, or the path of a skin file
+    skin : a preset's name, or the path of a skin file or of a folder of maps
     sets : settings as a scene takes them, such as skin.layers[0].opacity=0.5
     asset_roots : see `skincli.files.asset_roots`
 
@@ -318,12 +319,8 @@ class _SceneReader:
                 raise InputError(
                     Fault(f"a skin by itself has no '{target}'; write skin.KEY, as in --set skin.seed=3", label)
                 )
-        if re.search(_PATH_LIKE, text):
-            # A file named on the command line may lie anywhere; what it refers to may not.
-            path, label = Path(text), text
-        else:
-            path, label = self.skin_path(text, "SKIN")
-        self.folders[label] = path.parent.resolve()
+        # What is named on the command line may lie anywhere; what it refers to may not.
+        path, label = self.skin_path(text, "SKIN", anywhere=True)
         root = self.read_skin(path, label)
         if root is None:
             raise self.refusal(assignments)
@@ -379,7 +376,7 @@ class _SceneReader:
     def skin_file(self, node: Node, what: str) -> Node | None:
         """Return the content of the skin that a node names, or None after a fault."""
         if not isinstance(node.value, str):
-            message = f"{what} is {shorten(node.plain)}; it must be a preset's name, a skin file's path, or a mapping"
+            message = f"{what} is {shorten(node.plain)}; it must be a preset's name, a skin's path, or a mapping"
             self.faults.append(node.mark.fault(message))
             return None
         try:
@@ -388,13 +385,14 @@ class _SceneReader:
             self.faults += [node.mark.fault(fault.message) for fault in error.faults]
             return None
         if path not in self.skin_files:
-            self.folders[label] = path.parent
             self.skin_files[path] = self.read_skin(path, label)
         return self.skin_files[path]
 
     def read_skin(self, path: Path, label: str) -> Node | None:
+        """Return the content of a skin file, or what stands for a folder of maps; None after a fault."""
+        self.folders[label] = (path if path.is_dir() else path.parent).resolve()
         try:
-            root = load_file(path, label, self.faults).root
+            root = self.read_maps(path, label) if path.is_dir() else load_file(path, label, self.faults).root
         except InputError as error:
             self.faults += error.faults
             return None
@@ -404,18 +402,46 @@ class _SceneReader:
             return None
         return root
 
-    def skin_path(self, text: str, what: str) -> tuple[Path, str]:
-        """Return the file of a preset's name or a path, and what messages call it."""
-        if re.search(_PATH_LIKE, text):
-            label = str(self.path.parent / text)
-            return files.resolve(text, self.folder, self.roots, what), label
-        presets = {path.stem: path for path in sorted(resources.folder("presets").glob("*.yaml"))}
-        if text not in presets:
-            raise InputError(
-                f"{what} is '{shorten(text)}'; no preset has that name{did_you_mean(text, list(presets)) or '.'} "
-                f"There are: {', '.join(presets)}. A path ends in .yaml"
-            )
-        return presets[text], f"preset {text}"
+    def read_maps(self, path: Path, label: str) -> Node:
+        """Return the skin that a folder of maps stands for: a layer per map, as large as the largest of them."""
+        from skincli import images, mapset  # here, for OpenImageIO takes its time to load
+
+        found = mapset.find_maps(path, self.roots, label)
+        layers = found.layers()
+        names = [layer["image"]["file"] for layer in layers]
+        sides = [images.size_of(found.folder / name, f"{label.rstrip('/')}/{name}") for name in names]
+        written = {
+            "about": found.about,
+            "size": min(max(map(max, sides), default=1), MAX_SIZE),
+            "extent": found.extent,
+            "layers": layers,
+            "optics": found.optics,
+            "surface": found.surface,
+        }
+        document = {"skin": SKIN_VERSION} | {key: value for key, value in written.items() if value is not None}
+        return _moved(load_text(json.dumps(document), label).root, Mark(label, None, None))
+
+    def skin_path(self, text: str, what: str, *, anywhere: bool = False) -> tuple[Path, str]:
+        """Return the file of a preset's name, or the file or folder of a path, and what messages call it.
+
+        Parameters
+        ----------
+        text : as written
+        what : how a message calls it
+        anywhere : whether a path may lead out of the scene's folder
+        """
+        if not re.search(_PATH_LIKE, text):
+            presets = {path.stem: path for path in sorted(resources.folder("presets").glob("*.yaml"))}
+            if text in presets:
+                return presets[text], f"preset {text}"
+            if not text or not (self.folder / text).is_dir():
+                raise InputError(
+                    f"{what} is '{shorten(text)}'; no preset has that name{did_you_mean(text, list(presets)) or '.'} "
+                    f"There are: {', '.join(presets)}. A path ends in .yaml, or in / for a folder of maps"
+                )
+        if anywhere:
+            return Path(text), text
+        return files.resolve(text, self.folder, self.roots, what, folders=True), str(self.path.parent / text)
 
 
 def _assignment(text: str) -> tuple[str, str, str]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 import trimesh
 from click.testing import Result
@@ -101,6 +102,31 @@ def mesh(name: str, content: str | bytes | Callable[[], bytes]) -> Change:
     return change
 
 
+def layers(*written: str) -> Change:
+    """Write a skin of these layers into the scene."""
+    return skin(f"{{layers: [{', '.join(f'{{{layer}}}' for layer in written)}]}}")
+
+
+def spots(name: str, shift: int = 0) -> Change:
+    """Copy the picture, its columns moved on."""
+
+    def change(folder: Path) -> None:
+        images.write_png(folder / name, np.roll(images.read_color(folder / "spots.png"), shift, axis=1))
+
+    return change
+
+
+def alpha_alone(folder: Path) -> None:
+    spec = oiio.ImageSpec(4, 4, 1, oiio.HALF)
+    spec.channelnames = ("A",)
+    picture = oiio.ImageBuf(spec)
+    assert picture.write(str(folder / "alpha.exr"))
+
+
+def wide(folder: Path) -> None:
+    images.write_png(folder / "wide.png", np.zeros((1, 33000)))
+
+
 def several(*changes: Change) -> Change:
     return lambda folder: [change(folder) for change in changes]
 
@@ -148,12 +174,6 @@ GLTF = (
     '"min": [0, 0, 0], "max": [1, 1, 1]}], '
     '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}'
 )
-
-
-def wide_environment(folder: Path) -> None:
-    """Name a picture that is wider than any that is read."""
-    images.write_png(folder / "b.png", np.zeros((1, 33000)))
-    scene("sky.exr", "b.png")(folder)
 
 
 # what is wrong -> (change to the scene's folder, further arguments, exit code, beginning of the message, part of it)
@@ -242,15 +262,98 @@ CASES: dict[str, tuple[Change, tuple[str, ...], int, str, str]] = {
     "PLY index": (mesh("ball.ply", shape("ply", put("<i", -4, 999))), (), 3, "ball.ply: ", "vertices"),
     # pictures
     "environment missing": (remove("sky.exr"), (), 3, "scene.yaml:13:22: environment.image is 'sky.exr'; no such", ""),
-    "environment empty": (write("sky.exr", ""), (), 3, "scene.yaml:13:22: ", "empty; a picture may be png"),
-    "environment text": (write("sky.exr", "hello"), (), 3, "scene.yaml:13:22: ", "a picture may be png"),
-    "environment a mesh": (scene("sky.exr", "ball.obj"), (), 3, "scene.yaml:13:22: ", "a picture may be png"),
+    "environment empty": (write("sky.exr", ""), (), 3, "scene.yaml:13:22: ", "empty; a picture may be"),
+    "environment text": (write("sky.exr", "hello"), (), 3, "scene.yaml:13:22: ", "a picture may be"),
+    "environment a mesh": (scene("sky.exr", "ball.obj"), (), 3, "scene.yaml:13:22: ", "a picture may be"),
     "environment cut": (cut("sky.exr", -200), (), 3, "", "sky.exr: is damaged"),
-    "environment cut early": (cut("sky.exr", 100), (), 3, "scene.yaml:13:22: ", "a picture may be png"),
-    "environment too large": (wide_environment, (), 6, "b.png: is 33000", "at most 32768"),
+    "environment cut early": (cut("sky.exr", 100), (), 3, "scene.yaml:13:22: ", "a picture may be"),
+    "environment too large": (several(wide, scene("sky.exr", "wide.png")), (), 6, "", "is 33000 x 1 pixels"),
     "layer's image missing": (remove("spots.png"), (), 3, "scene.yaml:8:21: skin.layers[2].image.file", "no such file"),
     "layer's image cut": (cut("spots.png", -100), (), 3, "", "spots.png: is damaged"),
     "layer's image text": (write("spots.png", "hello"), (), 3, "scene.yaml:8:21: skin.layers[2]", "a picture may be"),
+    # layers
+    "unknown mode": (
+        layers("fbm: {height: [0, 1], blend: mutliply}"),
+        (),
+        3,
+        "scene.yaml:3:47: skin.layers[0].fbm.blend is 'mutliply'",
+        "did you mean 'multiply'?",
+    ),
+    "spacing 0": (layers("pores: {spacing: 0}"), (), 3, "scene.yaml:3:35: skin.layers[0].pores.spacing is 0", "0.01"),
+    "unknown key of a layer": (layers("pores: {spacng: 1}"), (), 3, "scene.yaml:3:26: ", "did you mean 'spacing'?"),
+    "mask without pattern": (layers("pores: {mask: {color: {height: 1}}}"), (), 3, "scene.yaml:3:", "no pattern"),
+    "mask of itself": (
+        layers("fbm: {height: [0, 1], mask: &m {fbm: {mask: *m}}}"),
+        (),
+        3,
+        "scene.yaml:3:62: the alias *m contains itself",
+        "write the value out",
+    ),
+    "masks deeper than any reader": (
+        layers(f"fbm: {{height: [0, 1]{', mask: {fbm: {scale: 9' * 40}{'}}' * 40}}}"),
+        (),
+        6,
+        "scene.yaml:3:",
+        "64",
+    ),
+    "too many layers": (
+        layers(*(f"fbm: {{scale: 10, seed: {seed}, height: [0, 0.01]}}" for seed in range(200))),
+        (),
+        6,
+        "the layers of a skin and their masks evaluate 200 patterns; at most 100 are allowed",
+        "lay these as image layers",
+    ),
+    "too many images": (
+        several(
+            *(spots(f"{index}.png", index) for index in range(13)),
+            layers(*(f"image: {{file: {index}.png}}" for index in range(13))),
+        ),
+        (),
+        6,
+        "the layers of a skin sample 13 images; at most 12 are allowed",
+        "merge some",
+    ),
+    "layer's image of alpha alone": (
+        several(alpha_alone, layers("image: {file: alpha.exr}")),
+        (),
+        3,
+        "",
+        "alpha.exr: has the channels A; a color picture needs R, G and B or one gray channel",
+    ),
+    "layer's image too wide": (several(wide, layers("image: {file: wide.png}")), (), 6, "", "wide.png: is 33000 x 1"),
+    # a folder of maps as a skin
+    "no such folder": (skin("maps/"), (), 3, "scene.yaml:3:7: skin is 'maps/'; no such file", ""),
+    "folder without maps": (several(make("maps"), skin("maps/")), (), 3, "maps: holds no map", "albedo.png"),
+    "folder by a bare name": (several(make("maps"), skin("maps")), (), 3, "maps: holds no map", "albedo.png"),
+    "folder outside": (skin("../"), (), 3, "scene.yaml:3:7: skin is '../'; it leads outside", "--asset-root"),
+    "maps of two kinds": (
+        several(make("maps"), spots("maps/a_Color.png"), spots("maps/b_Color.png"), skin("maps/")),
+        (),
+        3,
+        "maps: holds more than one albedo map",
+        "'a_Color.png' and 'b_Color.png'",
+    ),
+    "map cut": (
+        several(make("maps"), spots("maps/a_Color.png"), cut("maps/a_Color.png", -100), skin("maps/")),
+        (),
+        3,
+        "",
+        "a_Color.png: is damaged",
+    ),
+    "map is text": (
+        several(make("maps"), write("maps/a_Color.png", "hello"), skin("maps/")),
+        (),
+        3,
+        "maps/a_Color.png: ",
+        "a picture may be",
+    ),
+    "manifest broken": (
+        several(make("maps"), write("maps/manifest.json", "{"), skin("maps/")),
+        (),
+        3,
+        "maps/manifest.json: is not JSON",
+        "generate the maps again",
+    ),
     # paths
     "outside": (scene("ball.obj", "../ball.obj"), (), 3, "scene.yaml:2:14: mesh.file is '../ball", "leads outside"),
     "absolute": (scene("ball.obj", "/etc/x.obj"), (), 3, "scene.yaml:2:14: mesh.file is '/etc/x.obj'", "leads outside"),
@@ -337,9 +440,58 @@ def test_a_picture_of_one_pixel_and_pixels_that_are_no_numbers_are_taken(
     assert "sky.exr: 96 values are NaN or infinite" in result.stderr
 
 
+def test_a_layers_image_may_be_of_one_pixel_or_very_wide(ctx: object, skincli: Run, folder: Path) -> None:
+    images.write_png(folder / "one.png", np.full((1, 1), 0.5))
+    images.write_png(folder / "long.png", np.tile([0.25, 0.75], (1, 15000)))
+    layers("image: {file: one.png, blend: multiply}", "image: {file: long.png, opacity: 0.5}")(folder)
+    result = skincli("generate", "--scene", "scene.yaml", "-o", "maps", "--size", 16, "--maps", "albedo")
+    assert result.exit_code == 0
+    assert "a picture of 30000 x 1 is reduced" in result.stderr
+    albedo = images.read_color(folder / "maps/albedo.png")[..., 0]
+    assert 0.1 < albedo.min() <= albedo.max() < 0.9
+
+
+#: two triangles in the tiles 1001 and 1002, one of them a part of its own or not
+UDIM = """v 0 0 0\nv 50 0 0\nv 0 50 0\nv 0 0 60\nv 50 0 60\nv 0 50 60
+vt 0 0\nvt 1 0\nvt 0 1\nvt 1 0\nvt 2 0\nvt 1 1\no first\nf 1/1 2/2 3/3\n{}f 4/4 5/5 6/6\n"""
+
+
+@pytest.mark.parametrize(
+    "arguments", [RENDER, ("generate", "human", "--mesh", "ball.obj", "--unit", "mm", "--size", "8", "-o", "maps")]
+)
+def test_udim_tiles_are_refused_unless_each_is_a_part(
+    ctx: object, skincli: Run, folder: Path, arguments: tuple[str, ...]
+) -> None:
+    (folder / "ball.obj").write_text(UDIM.format(""))
+    message = refused(skincli, folder, 6, *arguments)
+    assert message.startswith("the uv of 'first' lie in 2 UDIM tiles: 1001, 1002; a skin's maps fill one tile; lay the")
+    (folder / "ball.obj").write_text(UDIM.format("o second\n"))
+    assert skincli(*arguments).exit_code == 0
+
+
+MAPS = ("-o", "maps")
+MESH = ("human", *MAPS, "--mesh")
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "part"),
     [
+        (MAPS, 2, "name a SKIN, such as human, or a --scene"),
+        (("human", *MAPS, "--scene", "scene.yaml"), 2, "leave out SKIN and --mesh"),
+        (("--scene", "scene.yaml", *MAPS, "--set", "skin=null"), 2, "there is no skin in it"),
+        (("human", *MAPS, "--maps", "albdo"), 2, "did you mean 'albedo'?"),
+        (("human", *MAPS, "--maps", ","), 2, "names no map"),
+        (("human", *MAPS, "--format", "png", "--depth", "half"), 2, "png holds no maps of depth half"),
+        (("human", *MAPS, "--unit", "mm"), 2, "belongs to a file named by --mesh"),
+        ((*MESH, "ball.obj"), 2, "does not say its unit; write unit: mm"),
+        ((*MESH, "ball.obj", "--unit", "mn"), 2, "it must be one of mm, cm, m, in"),
+        ((*MESH, "none.obj", "--unit", "mm"), 3, "none.obj: the file does not exist"),
+        ((*MESH, "builtin:hed"), 3, "did you mean 'head'?"),
+        ((*MESH, "builtin:head:5k"), 3, "has no detail '5k'"),
+        ((".", *MAPS), 3, ".: holds no map"),
+        (("none/", *MAPS), 3, "none/: no such file"),
+        (("human", *MAPS, "--size", "16384"), 6, "choose a smaller --size"),
+        (("human", "-o", "ball.obj", "--preview", "--size", "8"), 7, "ball.obj/preview.png: cannot be written"),
         (("humn", "-o", "maps"), 3, "did you mean 'human'?"),
         (("none.yaml", "-o", "maps"), 3, "none.yaml: no such file"),
         (("scene.yaml", "-o", "maps"), 3, "the skin has no key 'render'"),

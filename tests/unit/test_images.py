@@ -18,7 +18,10 @@ from skincli.color import luminance, srgb_decode, srgb_encode
 from skincli.errors import InputError, LimitError, OutputError
 
 RED, ALPHA = (200, 100, 255), 128
-KINDS = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
+KINDS = {
+    **{"uint8": oiio.UINT8, "uint16": oiio.UINT16, "uint32": oiio.UINT32, "int16": oiio.INT16, "int32": oiio.INT32},
+    **{"float16": oiio.HALF, "float32": oiio.FLOAT, "float64": oiio.DOUBLE},
+}
 
 
 def store(path: Path, pixels: np.ndarray, names: tuple[str, ...] | None = None, **attributes: Any) -> Path:
@@ -191,13 +194,12 @@ def png_header(width: int, height: int) -> bytes:
 def test_what_is_not_a_picture(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("not a picture")
     (tmp_path / "empty.png").touch()
-    store(tmp_path / "real.bmp", rgba8()[..., :3])
-    (tmp_path / "real.bmp").rename(tmp_path / "bmp.png")
+    (tmp_path / "nothing.null").write_text("OpenImageIO reads this as gray, whatever it holds")
     for name, message in {
         "missing.png": "cannot be read: No such file",
         "text.png": "cannot be opened as a picture",
-        "empty.png": "is empty; a picture may be png, jpg, exr",
-        "bmp.png": "is a bmp file; a picture may be",
+        "empty.png": "is empty; a picture may be bmp, .*, openexr, png, .*; convert it",
+        "nothing.null": "is a null file; a picture may be",
         ".": "is a folder",
     }.items():
         with pytest.raises(InputError, match=rf"^as written: {message}"):
@@ -211,11 +213,83 @@ def test_content_counts_not_the_suffix(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("suffix", ["png", "jpg", "tif", "tga", "webp", "exr", "hdr"])
+# How OpenImageIO writes each format that it can write, for reading it; the rest needs files of other programs.
+WRITTEN: dict[str, dict[str, Any]] = {
+    **{suffix: {} for suffix in ("bmp", "dpx", "ico", "iff", "jp2", "jxl", "png", "ppm", "rla", "sgi", "tga", "tif")},
+    "webp": {"compression": "lossless:6"},
+}
+
+
+def test_no_reader_of_what_is_no_picture() -> None:
+    formats = images.formats()
+    assert {"png", "jpeg", "openexr", "tiff", "hdr", "targa", "webp", "bmp", "dds", "psd", "pnm"} <= formats.keys()
+    assert not {"null", "term", "ffmpeg", "openvdb", "ptex"} & formats.keys()
+    suffixes = [suffix for found in formats.values() for suffix in found]
+    assert {".png", ".jpg", ".exr", ".tif", ".tga"} <= set(suffixes)
+    assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
+
+
+@pytest.mark.parametrize("suffix", WRITTEN)
+def test_pictures_of_many_formats(tmp_path: Path, suffix: str) -> None:
+    codes = np.random.default_rng(10).integers(0, 256, (36, 40, 3), dtype=np.uint8)
+    file = store(tmp_path / f"a.{suffix}", codes, **WRITTEN[suffix])
+    loss = 2 if suffix == "jxl" else 0
+    np.testing.assert_allclose(images.read_data(file, 3) * 255, codes, atol=loss + 1e-4)
+    expected = srgb_decode(codes / 255.0)
+    np.testing.assert_allclose(images.read_color(file)[..., :3], expected, atol=loss / 100 + 1e-6)
+    assert images.size_of(file) == (40, 36)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "uint32", "int16", "int32", "float16", "float32", "float64"])
+def test_pictures_of_every_depth(tmp_path: Path, kind: str) -> None:
+    values = np.linspace(0, 1, 64).reshape(8, 8, 1)
+    whole = np.dtype(kind).kind != "f"
+    largest = np.iinfo(kind).max if whole else 1
+    file = store(tmp_path / "a.tif", np.rint(values * largest).astype(kind) if whole else values.astype(kind))
+    step = 1 / min(largest, 2**24) if whole else {"float16": 2**-11}.get(kind, 2**-23)
+    data = images.read_data(file, 1)
+    # A signed integer goes through 16 or 32 unsigned bits.
+    np.testing.assert_allclose(data, values, atol=1.01 * step)
+    expected = srgb_decode(values) if whole else values
+    coarsest = max(step, 2 / 65535) if whole else step
+    np.testing.assert_allclose(images.read_color(file)[..., :1], expected, atol=3 * coarsest)
+
+
+def test_the_first_row_of_a_pfm_is_its_last_in_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.pfm").write_bytes(b"Pf\n2 3\n-1.0\n" + np.arange(6, dtype="<f4").tobytes())
+    assert images.read_data(tmp_path / "a.pfm", 1)[..., 0].tolist() == [[4, 5], [2, 3], [0, 1]]
+
+
+def test_a_logarithmic_scan_is_taken_as_it_is_with_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = store(tmp_path / "a.dpx", np.full((2, 2, 3), 30000, np.uint16), oiio__ColorSpace="KodakLog")
+    with caplog.at_level(logging.WARNING, logger="skincli"):
+        images.read_color(file)
+    assert "a.dpx: is tagged KodakLog, which is not undone; convert it" in caplog.text
+
+
+def test_a_single_pixel_and_a_very_wide_picture(tmp_path: Path) -> None:
+    one = store(tmp_path / "one.png", np.full((1, 1, 3), 255, np.uint8))
+    assert images.read_color(one).tolist() == [[[1, 1, 1, 1]]]
+    wide = images.read_data(store(tmp_path / "wide.png", np.arange(30000, dtype=np.uint16)[None, :, None]), 1)
+    assert wide.shape == (1, 30000, 1)
+    assert images.reduce_to(wide, 16384).shape == (1, 16384, 1)
+
+
+def test_gray_fills_all_channels_where_that_is_wanted(tmp_path: Path) -> None:
+    file = store(tmp_path / "a.png", np.full((2, 2, 1), 51, np.uint8))
+    np.testing.assert_array_equal(images.read_data(file, 3, spread=True), np.full((2, 2, 3), np.float32(51) / 255))
+    rgb = store(tmp_path / "b.png", rgba8()[..., :3])
+    np.testing.assert_array_equal(images.read_data(rgb, 3, spread=True), images.read_data(rgb, 3))
+    two = store(tmp_path / "c.exr", np.ones((2, 2, 2), np.float32), ("U", "V"))
+    with pytest.raises(InputError, match="3 channels are needed"):
+        images.read_data(two, 3, spread=True)
+
+
+@pytest.mark.parametrize("suffix", [*WRITTEN, "jpg", "gif", "exr", "hdr", "pfm"])
 @pytest.mark.parametrize("share", [0.1, 0.6])
 def test_truncated_files_are_refused(tmp_path: Path, suffix: str, share: float) -> None:
     noise = np.random.default_rng(4).integers(0, 256, (48, 48, 3), dtype=np.uint8)
-    pixels = noise.astype(np.float32) / 255 if suffix in ("exr", "hdr") else noise
+    pixels = noise.astype(np.float32) / 255 if suffix in ("exr", "hdr", "pfm") else noise
     file = store(tmp_path / f"a.{suffix}", pixels)
     assert images.read_color(file).shape == (48, 48, 4)
     file.write_bytes(file.read_bytes()[: int(file.stat().st_size * share)])
@@ -291,6 +365,21 @@ def test_exr_holds_layers_in_their_own_precision(tmp_path: Path) -> None:
     source: Any = oiio.ImageInput.open(str(file))
     assert source.spec().get_string_attribute("skincli:scene") == "octopus"
     source.close()
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_an_exr_of_one_precision_has_it(tmp_path: Path, half: bool) -> None:
+    images.write_exr(tmp_path / "a.exr", {"beauty": np.full((2, 2, 3), 0.3)}, half=half)
+    assert {kind for _, kind in channels_of(tmp_path / "a.exr").values()} == {"half" if half else "float"}
+
+
+@pytest.mark.parametrize("space", ["lin_rec709_scene", "data"])
+def test_an_exr_says_what_its_numbers_are(tmp_path: Path, space: Any) -> None:
+    images.write_exr(tmp_path / "a.exr", {"beauty": np.zeros((2, 2, 3))}, color_space=space)
+    source: Any = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    spec = source.spec()
+    source.close()
+    assert spec.get_string_attribute("oiio:ColorSpace") == spec.get_string_attribute("colorInteropID") == space
 
 
 def test_float_exr_returns_exactly(tmp_path: Path) -> None:
@@ -446,6 +535,24 @@ def test_resize_keeps_a_flat_picture_and_the_mean() -> None:
     spot = np.zeros((64, 64, 1), np.float32)
     spot[32, 32] = 1000.0
     assert images.resize(spot, 16, 16).min() >= 0
+
+
+@pytest.mark.parametrize(("height", "width", "side"), [(7, 5, 3), (10, 3, 4), (64, 48, 16), (3, 1000, 333)])
+def test_reducing_keeps_the_mean_and_shrinks_only_what_is_too_long(height: int, width: int, side: int) -> None:
+    noise = np.random.default_rng(11).random((height, width, 3), np.float32)
+    small = images.reduce_to(noise, side)
+    assert small.shape == (min(height, side), min(width, side), 3)
+    assert small.dtype == np.float32
+    np.testing.assert_allclose(small.mean(axis=(0, 1)), noise.mean(axis=(0, 1)), rtol=1e-5)
+    np.testing.assert_allclose(images.reduce_to(np.full((height, width), 0.3), side), 0.3, rtol=1e-6)
+
+
+def test_reducing_averages_areas() -> None:
+    halved = images.reduce_to(np.arange(16, dtype=np.float32).reshape(4, 4), 2)[..., 0]
+    assert halved.tolist() == [[2.5, 4.5], [10.5, 12.5]]
+    np.testing.assert_allclose(images.reduce_to(np.array([[0.0, 3.0, 6.0]]), 2)[0, :, 0], [1.0, 5.0], rtol=1e-6)
+    same = np.ones((3, 3, 1), np.float32)
+    np.testing.assert_array_equal(images.reduce_to(same, 3), same)
 
 
 def test_contact_sheet_holds_the_panels_and_their_labels() -> None:

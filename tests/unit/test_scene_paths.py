@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from skincli import images, resources
 from skincli.errors import InputError, LimitError, SkincliError, UsageError
-from skincli.scene.paths import load_scene, locate, parse, set_value
+from skincli.scene.paths import load_scene, load_skin, locate, parse, set_value
 from skincli.scene.yaml import load_text
 
 SKIN = """skin: 1
@@ -183,8 +184,8 @@ def test_skins_by_preset_path_inline_and_none(folder: Path) -> None:
          "fbm, image"),
         ("skin.layers.fine.depth=40", "skin.layers[2].pores.depth is 40; it must be at most 10"),
         ("skin=octopuss", "skin is 'octopuss'; no preset has that name; did you mean 'octopus'? There are: human, "
-         "octopus. A path ends in .yaml"),
-        ("skin=3", "skin is 3; it must be a preset's name, a skin file's path, or a mapping"),
+         "octopus. A path ends in .yaml, or in / for a folder of maps"),
+        ("skin=3", "skin is 3; it must be a preset's name, a skin's path, or a mapping"),
         ("mesh.unit=!!python/name:x y", "the tag !!python/name:x is not allowed here; remove it"),
     ],
 )  # fmt: skip
@@ -276,3 +277,65 @@ def test_a_fault_found_later_has_its_place(folder: Path) -> None:
     assert str(loaded.fault("skin.layers[2].pores.spacing", "x")) == "skins/wet.yaml:5:34: x"
     assert str(loaded.fault("camera.fov", "x")) == "--set camera.fov=20: x"
     assert str(loaded.fault("render.atlas", "x")) == "scene.yaml:1:1: x"
+
+
+def maps(folder: Path, name: str = "rock") -> Path:
+    """Make a folder of maps in the style of ambientCG, 8 texels a side."""
+    (folder / name).mkdir()
+    for kind in ("Color", "Displacement", "Roughness"):
+        images.write_png(folder / name / f"Rock_{kind}.png", np.full((8, 8), 0.5), kind="data", bits=16)
+    return folder / name
+
+
+@pytest.mark.parametrize("written", ["rock", "rock/", "./rock"])
+def test_a_folder_of_maps_is_a_skin(folder: Path, written: str) -> None:
+    place = maps(folder)
+    loaded = load_scene("scene.yaml", [f"skin={written}", "skin.layers.bump.height=[-2, 2]", "skin.surface.blur=3"])
+    skin, base = loaded.skins[""]
+    assert base == place
+    assert skin.size == 8
+    assert [(layer.kind(), layer.name) for layer in skin.layers] == [
+        ("image", "albedo"),
+        ("image", "bump"),
+        ("image", "roughness"),
+    ]
+    assert skin.layers[0].model_dump()["file"] == place / "Rock_Color.png"
+    assert skin.layers[1].model_dump()["height"] == (-2, 2)
+    assert skin.surface.blur == 3
+    assert load_skin(written).skin.layers[0] == skin.layers[0]
+
+
+def test_a_preset_comes_before_a_folder_of_its_name(folder: Path) -> None:
+    maps(folder, "human")
+    assert load_skin("human").skin.surface.shininess == 7
+    assert load_skin("human/").skin.size == 8
+
+
+def test_a_folder_of_maps_tells_of_itself_by_its_manifest(folder: Path) -> None:
+    place = maps(folder)
+    manifest = {
+        "manifest": 1,
+        "about": "Rock.",
+        "extent_mm": 30,
+        "maps": {"height": {"file": "Rock_Displacement.png", "range": [-1, 3]}},
+        "optics": {"radius": [3, 2, 1]},
+        "surface": {"shininess": 9},
+    }
+    (place / "manifest.json").write_text(json.dumps(manifest))
+    skin = load_skin("rock").skin
+    assert (skin.about, skin.extent, skin.optics.radius, skin.surface.shininess) == ("Rock.", 30, (3, 2, 1), 9)
+    assert skin.layers[0].model_dump()["height"] == (-1, 3)
+    manifest["surface"] = {"shininess": -9}
+    (place / "manifest.json").write_text(json.dumps(manifest))
+    assert refused("skin=rock") == "rock: surface.shininess is -9; it must be at least 0"
+
+
+def test_a_folder_of_maps_stays_where_scenes_may_read(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    elsewhere = maps(tmp_path_factory.mktemp("elsewhere"))
+    (folder / "link").symlink_to(elsewhere)
+    for written in (str(elsewhere), "link", ".."):
+        assert "outside the folder" in refused(f"skin={written}")
+    assert load_scene("scene.yaml", ["skin=link"], asset_roots=[elsewhere]).skins[""].skin.size == 8
+    # On the command line a person may name any.
+    assert load_skin(str(elsewhere)).skin.size == 8
+    assert load_skin("link").skin.size == 8

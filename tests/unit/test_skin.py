@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from skincli import images, resources
 from skincli.layers import LAYERS
+from skincli.layers.image import Picture
 from skincli.layers.stack import CHANNELS, fuse
 from skincli.scene.skin import Optics, Skin, Surface
 
@@ -81,11 +82,11 @@ def test_a_fault_is_reported_at_its_place(layer: Any, place: str, kind: str) -> 
     [
         ({"fbm": {}, "pores": {}}, "one key, the layer's name; found fbm, pores"),
         ({}, "one key, the layer's name; found nothing"),
-        ({"fbm": {}}, "this fbm layer writes nothing; give it at least one of albedo, height, reflectance"),
-        ({"pores": {"depth": 0}}, "this pores layer writes nothing; give it at least one of depth, tint"),
+        ({"fbm": {}}, "this fbm layer writes nothing; give it at least one of albedo, height, pigments"),
+        ({"pores": {"depth": 0}}, "this pores layer writes nothing; give it at least one of albedo, depth, height"),
         ({"pores": {"radius": 0.6}}, "radius is 0.6 mm, more than half of spacing, 1 mm"),
         ({"worley": {"pattern": "edges", "height": [0, 1]}}, "needs the width of its lines"),
-        ({"worley": {"width": 1, "height": [0, 1]}}, "the pattern distance has no lines; remove width"),
+        ({"worley": {"width": 1, "height": [0, 1]}}, "the pattern f1 has no lines; remove width"),
         ({"pores": {"mask": {"color": {"height": 1}}}}, "this color layer has no pattern to mask with"),
         ({"pores": {"mask": {"image": {"file": "n.png", "role": "normal_gl"}}}}, "this image layer has no pattern"),
         ({"pores": {"mask": {"fbm": {"height": [0, 1], "blend": "screen"}}}}, "remove blend, height from the mask"),
@@ -140,14 +141,18 @@ def test_presets_are_valid_and_complete(path: Path) -> None:
     skin = load(path)
     assert skin.about.endswith(".")
     assert fuse(skin, set(CHANNELS)).written >= {"albedo", "height", "reflectance"}
-    # The paper's idea: source images are blended.
-    assert any(picture.file.is_file() for _, picture in fuse(skin, {"albedo", "height"}).images)
 
 
-def test_every_layer_has_its_shader_and_appears_in_a_preset() -> None:
-    text = "\n".join(path.read_text(encoding="utf-8") for path in PRESETS)
+def test_some_presets_blend_source_images_as_the_paper_does() -> None:
+    textures = [item for path in PRESETS for _, item in fuse(load(path), {"albedo", "height"}).textures]
+    assert any(item.file.is_file() for item in textures if isinstance(item, Picture))
+
+
+def test_every_layer_has_its_shader_and_appears_in_a_preset_or_an_example() -> None:
+    shown = [*PRESETS, *(Path(__file__).resolve().parents[2] / "examples").glob("*.yaml")]
+    text = "\n".join(path.read_text(encoding="utf-8") for path in shown)
     for kind, layer in LAYERS.items():
-        assert f"{kind}: {{" in text or f"{kind}:\n" in text, f"no preset shows the layer {kind}"
+        assert f"{kind}: {{" in text or f"{kind}:\n" in text, f"no preset or example shows the layer {kind}"
         assert (resources.folder("shaders") / "layers" / f"{kind}.glsl").is_file() == (layer.kernel is not None)
 
 
