@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from skincli.errors import InputError
+
 
 def burley_width(radius: Sequence[float], color: Sequence[float], kind: str) -> NDArray[np.float64]:
     """Return the width d of Burley's normalized diffusion profile, A (exp(-r/d) + exp(-r/3d)) / (8 pi d r).
@@ -22,6 +24,11 @@ def burley_width(radius: Sequence[float], color: Sequence[float], kind: str) -> 
     -------
     (3,) mm
 
+    Raises
+    ------
+    InputError
+        If `kind` is none of these.
+
     References
     ----------
     [Christensen2015]: diffuse transmission, s = 1.9 - A + 3.5 (A - 0.8)^2 for mfp; s = 3.5 + 100 (A - 0.33)^4 for dmfp
@@ -31,7 +38,9 @@ def burley_width(radius: Sequence[float], color: Sequence[float], kind: str) -> 
         return length / (1.9 - A + 3.5 * (A - 0.8) ** 2)
     if kind == "dmfp":
         return length / (3.5 + 100 * (A - 0.33) ** 4)
-    return length
+    if kind == "d":
+        return length
+    raise InputError(f"a radius of kind '{kind}' is unknown; it must be mfp, dmfp or d")
 
 
 def gaussian_sigma(width: NDArray[np.float64]) -> NDArray[np.float64]:
