@@ -41,7 +41,8 @@ void main() {
         ivec2 q = ivec2(floor(at));
         bool inside = all(greaterThanEqual(q, ivec2(0))) && all(lessThan(q, ivec2(p.size)));
         float seen = inside ? texelFetch(depth, q, 0).r : 0.0;
-        if (seen > 0.0 && seen < Q.z - bias) {
+        // Differences of depths, for those of a far camera leave no digits to the sample's own offset.
+        if (seen > 0.0 && z - seen > bias - p.radius * offset.z) {
             float x = clamp(p.radius / max(z - seen, 1e-6), 0.0, 1.0);
             occluded += z - seen <= p.radius ? 1.0 : x * x * (3.0 - 2.0 * x);
         }

@@ -34,6 +34,9 @@ EXTENT_PLAUSIBLE = (5.0, 20_000.0)
 FARTHEST = 1e8
 """mm. How far from the origin the middle of a mesh may lie; a scene's own coordinates reach ten times as far."""
 
+FARTHEST_UV = 1e6
+"""Beyond it float32 tells no texels apart."""
+
 MIRRORED_SHARE = 0.01
 """A vertex is split between mirrored and unmirrored faces when both have more than this share of its surface area."""
 
@@ -500,14 +503,14 @@ def _agreement(positions: Floats, faces: NDArray[np.int64], normals: Floats) -> 
 
 
 def _mend_uv(pieces: list[_Piece], uv: Floats, part: NDArray[np.int64], notes: list[str]) -> Floats:
-    """Return UVs that are finite wherever the file gives a part UVs, and NaN throughout where it does not."""
+    """Return UVs within FARTHEST_UV wherever the file gives a part UVs, and NaN throughout where it does not."""
     given = np.array([piece.uv is not None for piece in pieces])[part]
     for piece in pieces:
         if piece.uv is None:
             notes.append(f"'{piece.name}' has no UVs; xatlas made them")
-    broken = given & ~np.isfinite(uv).all(axis=1)
+    broken = given & ~(np.abs(uv) <= FARTHEST_UV).all(axis=1)
     if broken.any():
-        notes.append(f"{np.count_nonzero(broken)} UVs that are not finite were set to 0")
+        notes.append(f"{np.count_nonzero(broken)} UVs that are not finite, or beyond {FARTHEST_UV:g}, were set to 0")
     uv = np.where(broken[:, None], 0.0, uv)
     return np.where(given[:, None], uv, np.nan)
 

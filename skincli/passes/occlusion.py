@@ -69,4 +69,5 @@ def twin(a: float, b: float, high: NDArray[np.float64], low: NDArray[np.float64]
     """
     if a + b == 0:
         return np.ones_like(high)
-    return (high**a * low**b) ** (1 / (a + b))
+    # The exponents first: a power of 1000 would underflow.
+    return high ** (a / (a + b)) * low ** (b / (a + b))

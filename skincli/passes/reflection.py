@@ -12,6 +12,9 @@ from skincli.gpu.blocks import Values, Vec2, Vec3
 from skincli.graph.node import ONE, ZERO, Constant, Input, Output, Pass, Source
 from skincli.passes.camera import camera_position
 
+#: radiance beyond which a panorama's pixels are cut: its products with 64 EV stay within float32
+MOST_RADIANCE = 1e12
+
 #: share of the depth within which a neighbor counts as the same surface
 SAME_SURFACE = 0.02
 
@@ -78,13 +81,13 @@ def pyramid(image: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
     Parameters
     ----------
-    image : (h, w, c)
+    image : (h, w, c), finite; cut to +-MOST_RADIANCE
 
     Returns
     -------
     levels down to 1 x 1, sizes halved and rounded down as OpenGL has them
     """
-    levels = [np.asarray(image, float)]
+    levels = [np.clip(np.asarray(image, float), -MOST_RADIANCE, MOST_RADIANCE)]
     while max(levels[-1].shape[:2]) > 1:
         level = levels[-1]
         for axis in (0, 1):
