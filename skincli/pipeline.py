@@ -7,49 +7,69 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from skincli import images
+from skincli import diskcache, images
 from skincli.color import srgb_decode
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
+from skincli.files import file_digest
 from skincli.gpu.blocks import Values
+from skincli.gpu.context import get_context
 from skincli.gpu.geometry import Geometry
-from skincli.gpu.textures import beyond_memory, read_back
+from skincli.gpu.textures import FORMATS, beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
 from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
 from skincli.graph.store import Store
-from skincli.layers.base import Picture
+from skincli.layers.base import Texture
+from skincli.mesh.bake import bake
+from skincli.mesh.lattice import LatticeTables, pack, tables, unpack
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
 from skincli.mesh.surface import texel_size
-from skincli.optics.diffusion import burley_width, gaussian_sigma
+from skincli.mesh.texels import Texels, atlas_texels
+from skincli.mesh.udim import require_one_tile
+from skincli.optics.gaussians import GaussianSum, fit
+from skincli.optics.levels import MAX_SPREAD, SPREAD_STEPS, edge_error, levels, spread_weights
 from skincli.passes import blur, irradiance, occlusion_band, reflection, resolve
+from skincli.passes.absorb import WAYS_IN, Absorb, AbsorbValues
 from skincli.passes.atlas import Atlas, AtlasValues
 from skincli.passes.camera import View3D, look_at
+from skincli.passes.combine import Combine, CombineValues
 from skincli.passes.compose import Compose, ComposeValues
 from skincli.passes.display import Display, DisplayValues
 from skincli.passes.irradiance import Irradiance, IrradianceValues, LightValues
+from skincli.passes.lattice import Term, lattice_nodes
 from skincli.passes.maps import Maps, MapSource
 from skincli.passes.occlusion import Occlusion, OcclusionValues
 from skincli.passes.occlusion_band import BandValues, OcclusionBand
 from skincli.passes.reflection import Reflection, ReflectionValues
 from skincli.passes.resolve import Resolve, ResolveValues
+from skincli.passes.screen_diffusion import Arriving, ArrivingValues, screen_nodes, screen_values
 from skincli.passes.site import Site, SiteValues
 from skincli.passes.slope import Slope, SlopeValues
 from skincli.passes.specular import Specular, SpecularValues
+from skincli.passes.splat_diffusion import LEAST_SPACING, quads, spacing, splat_nodes, splat_values
+from skincli.passes.stretched_blur import chained
 from skincli.passes.view import View, ViewValues
+from skincli.passes.window import LEAST_SAMPLES, window_nodes
 from skincli.scene.model import Camera, Light
-from skincli.scene.paths import LoadedScene
+from skincli.scene.paths import LoadedScene, LoadedSkin
 from skincli.scene.skin import Optics, Skin, Surface
 
 #: texels by which charts are continued beyond their border: in the maps, and in the atlas of `physical`
 MAP_GUTTER = 4
 ATLAS_GUTTER = 2
+
+#: mm: narrower Gaussians take more nodes of the surface lattice than they are worth
+LEAST_LATTICE = 0.75
+
+#: standard deviations within which the lattice brings light to a point for certain
+REACH = 1.0
 
 _log = logging.getLogger("skincli")
 
@@ -106,6 +126,12 @@ OUTPUTS: Mapping[str, OutputKind] = {
 DISPLAYED = Ref("display", "displayed")
 
 
+#: exact diffusion of the light on texels: all of them, their irradiance, which receive, variances and weights
+Exact = Callable[
+    [Texels, NDArray[np.float64], NDArray[np.bool_], Sequence[float], Sequence[Sequence[float]]], NDArray[np.float64]
+]
+
+
 @dataclass(frozen=True)
 class Look:
     """A skin as the passes need it: resolved numbers and the maps' description.
@@ -143,8 +169,7 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
         written = loaded.document.node(("mesh", "file"))
         name = source.file.name if written is None else str(written.value)
         mesh = load_mesh(source.file, source.mm_per_unit, display_path=name, roots=loaded.roots, use_cache=use_cache)
-        for note in mesh.notes:
-            _log.log(logging.WARNING if isinstance(note, Urgent) else logging.INFO, "%s: %s", name, note)
+        tell_notes(mesh, name)
     known = [part.name for part in mesh.parts]
     unknown = [name for name in loaded.scene.parts if name not in known]
     if unknown:
@@ -158,9 +183,20 @@ def load_scene_mesh(loaded: LoadedScene, use_cache: bool = True) -> Mesh:
     return mesh
 
 
+def tell_notes(mesh: Mesh, name: str) -> None:
+    """Log what had to be made good in a mesh file; only what asks the person to do something is a warning."""
+    for note in mesh.notes:
+        _log.log(logging.WARNING if isinstance(note, Urgent) else logging.INFO, "%s: %s", name, note)
+
+
 def _count_text(count: int) -> str:
     """Return 259000 as it is written in YAML, 259k."""
     return f"{count // 1000}k" if count % 1000 == 0 else str(count)
+
+
+def keeps_apart(mesh: Mesh) -> bool:
+    """Tell whether each part of a mesh wears maps of its own, even where parts share a skin: their uv overlap."""
+    return not mesh.uv_is_unique and len(mesh.parts) <= irradiance.MAX_SLOTS
 
 
 def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
@@ -171,7 +207,7 @@ def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
     """
     looks: list[Look] = []
     index = []
-    apart = not mesh.uv_is_unique and len(mesh.parts) <= irradiance.MAX_SLOTS
+    apart = keeps_apart(mesh)
     for part in mesh.parts:
         # A part that is named without a skin keeps the mesh file's material.
         found = loaded.skins.get(part.name if part.name in loaded.scene.parts else "")
@@ -188,6 +224,20 @@ def looks_of(loaded: LoadedScene, mesh: Mesh) -> tuple[list[Look], list[int]]:
     if len(looks) > irradiance.MAX_SLOTS:
         raise LimitError(f"the mesh carries {len(looks)} different skins; at most {irradiance.MAX_SLOTS} are allowed")
     return looks, index
+
+
+def wearers(loaded: LoadedScene, mesh: Mesh) -> list[tuple[str, LoadedSkin, tuple[int, ...]]]:
+    """Return the skins of a scene that are made of layers: a name, the skin, and the parts that wear it."""
+    looks, index = looks_of(loaded, mesh)
+    found = []
+    for number, look in enumerate(looks):
+        if look.skin is None:
+            continue
+        parts = tuple(part for part, own in enumerate(index) if own == number)
+        first = mesh.parts[parts[0]].name
+        worn = loaded.skins[first if first in loaded.scene.parts else ""]
+        found.append((first, worn, parts))
+    return found
 
 
 def _same(one: Look, other: Look) -> bool:
@@ -219,20 +269,46 @@ class Pipeline:
     mesh : see load_scene_mesh
     store : memo to share with other pipelines
     skip : False runs every node and remembers nothing
+    exact : what `diffusion: exact` calls; see skincli.reference.texels
+
+    Raises
+    ------
+    InputError : `diffusion: exact` without it
+    LimitError : the scene is too large
     """
 
-    def __init__(self, loaded: LoadedScene, mesh: Mesh, store: Store | None = None, skip: bool = True) -> None:
+    def __init__(
+        self,
+        loaded: LoadedScene,
+        mesh: Mesh,
+        store: Store | None = None,
+        skip: bool = True,
+        exact: Exact | None = None,
+    ) -> None:
         self.loaded = loaded
         self.scene = loaded.scene
         self.mesh = mesh
-        self.geometry = Geometry(mesh)
         self.looks, self.look_of_part = looks_of(loaded, mesh)
+        self._sources = {
+            index: MapSource.of_skin(look.skin) for index, look in enumerate(self.looks) if look.skin is not None
+        }
+        baked = any(source.reads_bake for source in self._sources.values())
+        self.geometry = Geometry(mesh, bake(mesh) if baked else None)
         render = self.scene.render
         self.paper = render.shading == "paper"
+        self.method = render.diffusion_method
+        self._exact = exact
+        if self.method == "exact" and exact is None:
+            raise InputError(
+                loaded.fault("render.diffusion", "the exact diffusion is for single pictures; choose lattice")
+            )
         self.samples = render.samples_per_axis
         self.size = (render.size[0] * self.samples, render.size[1] * self.samples)
         self.atlas_size = (render.atlas_size, render.atlas_size)
         self._require_memory()
+        #: terms of the surface lattice, by the node that slices it
+        self.terms: dict[str, Term] = {}
+        self._skip = skip
         self.graph = FrameGraph(self._nodes(), store, skip)
 
     def _require_memory(self) -> None:
@@ -266,6 +342,8 @@ class Pipeline:
         targets = {name: OUTPUTS[name].source for name in outputs}
         if display:
             targets["display"] = DISPLAYED
+        if self.method == "exact":
+            self.graph.update([self._exactly_diffused()])
         found = self.graph.run(list(targets.values()), timing, check)
         arrays = {}
         for name, ref in targets.items():
@@ -313,12 +391,15 @@ class Pipeline:
                 {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal")},
             )
         )
-        nodes += self._diffusion()
+        way_in = AbsorbValues(WAYS_IN[self.scene.render.diffusion.albedo])
+        incoming = {"image": Ref("irradiance", "irradiance"), "albedo": Ref("atlas", "albedo")}
+        nodes.append(Absorb("incoming", self.atlas_size, [Draw(way_in)], incoming))
         # mesh + camera -> view; view -> occlusion; view + lights -> specular; view + environment -> reflection
         values = self._camera_values()
         view = {"depth": Ref("view", "depth"), "normal": Ref("view", "normal")}
         per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
         nodes.append(View("view", self.size, per_part, geometry=self.geometry))
+        nodes += self._diffusion(maps)
         for band in ("high", "low"):
             name = f"occlusion_{band}"
             nodes.append(OcclusionBand(f"{name}_samples", self.size, draws_of(values[f"{name}_samples"]), view))
@@ -335,43 +416,31 @@ class Pipeline:
         weights = self._occlusion_weights()
         bands = {f"occlusion_{band}": Ref(f"occlusion_{band}", "blurred") for band in ("high", "low")}
         nodes.append(Occlusion("occlusion", self.size, [Draw(weights)], bands))
-        nodes.append(Specular("specular", self.size, draws_of(values["specular"]), view))
+        shine = {**view, "finish": Ref("view", "finish")}
+        nodes.append(Specular("specular", self.size, draws_of(values["specular"]), shine))
         nodes += self._reflection(view, draws_of(values["reflection"]))
         # all of the above -> composition -> display
         nodes += self._composition(draws_of(values["display"]))
         return nodes
 
     def _maps(self, index: int, look: Look, nodes: list[Node]) -> dict[str, Source]:
-        """Append the nodes that make one skin's maps; return albedo, slope and reflectance."""
+        """Append the nodes that make one skin's maps; return what the view reads of them."""
         name = f"skin{index}"
         if look.skin is None:
             return {
                 "albedo": self._material(name, look.material or Material(), nodes),
                 "slope": ZERO,
                 "reflectance": ONE,
+                "specular": ONE,
+                "roughness": ONE,
+                "scattering_radius": ONE,
             }
-        side = look.skin.size
-        size = (side, side)
-        source = MapSource.of_skin(look.skin)
-        loads, inputs = load_pictures(source)
-        nodes += [load for name, load in loads.items() if all(node.name != name for node in nodes)]
-        if source.on_surface:
-            parts = [part for part, own in enumerate(self.look_of_part) if own == index]
-            values = SiteValues(1 / side, MAP_GUTTER / side)
-            draws = [Draw(values, {}, topology, part) for topology in ("map_gutter", "tiles") for part in parts]
-            nodes.append(Site(f"{name}_site", size, draws, geometry=self.geometry))
-            inputs |= {f"site_{what}": Ref(f"{name}_site", what) for what in ("position", "normal")}
-        nodes.append(Maps(f"{name}_maps", size, source, inputs, on_mesh=True, extent=look.skin.extent))
-
-        def map_of(channel: str) -> Source:
-            return Ref(f"{name}_maps", channel) if channel in source.written else Maps.neutral[channel]
-
-        slope: Source = ZERO
-        if {"height", "tangent_slope"} & source.written:
-            wired = {"height": map_of("height"), "tangent_slope": map_of("tangent_slope")}
-            nodes.append(Slope(f"{name}_slope", size, [Draw(SlopeValues())], wired))
-            slope = Ref(f"{name}_slope", "slope")
-        return {"albedo": map_of("albedo"), "slope": slope, "reflectance": map_of("reflectance")}
+        parts = [part for part, own in enumerate(self.look_of_part) if own == index]
+        made = skin_maps(name, look.skin, self._sources[index], self.geometry, parts)
+        nodes += [new for new in made.nodes if all(node.name != new.name for node in nodes)]
+        channels = ("albedo", "reflectance", "specular", "roughness", "scattering_radius")
+        read = {channel: made.maps[channel] for channel in channels}
+        return {**read, "slope": made.slope}
 
     def _material(self, name: str, material: Material, nodes: list[Node]) -> Source:
         """Return the albedo that the mesh file itself gives."""
@@ -392,15 +461,21 @@ class Pipeline:
 
     def _map_inputs(self, maps: list[dict[str, Source]], part: int) -> dict[str, Source]:
         own = maps[self.look_of_part[part]]
-        return {f"{channel}_map": source for channel, source in own.items()}
+        return {f"{channel}_map": source for channel, source in own.items() if f"{channel}_map" in View.inputs}
 
     def _atlas(self, maps: list[dict[str, Source]]) -> Node:
         gutter = 0.0 if self.paper else ATLAS_GUTTER / self.atlas_size[0]
         draws = []
         for topology in ("atlas_gutter", "faces"):
             for part, look in enumerate(self.look_of_part):
-                values = AtlasValues(self.looks[look].surface.bumpiness, look + 1.0, gutter)
-                draws.append(Draw(values, {"slope": maps[look]["slope"]}, topology, part))
+                own, optics = maps[look], self.looks[look].optics
+                # A map that no layer writes need not be sampled: its ratio is 1 everywhere.
+                radius = optics.radius if optics and isinstance(own["scattering_radius"], Ref) else (1.0, 1.0, 1.0)
+                bumpiness, gives = self.looks[look].surface.bumpiness, float(topology == "faces")
+                values = AtlasValues(bumpiness, look + 1.0, gutter, gives, radius)
+                read = {"slope": own["slope"], "albedo_map": own["albedo"]}
+                read["radius_map"] = own["scattering_radius"] if isinstance(own["scattering_radius"], Ref) else ONE
+                draws.append(Draw(values, read, topology, part))
         return Atlas("atlas", self.atlas_size, draws, geometry=self.geometry)
 
     @cached_property
@@ -412,37 +487,153 @@ class Pipeline:
         # Uniform ambient radiance L gives the irradiance pi L; the paper's ambient light is a plain Phong color.
         scale = 1.0 if self.paper else math.pi
         ambient = LightValues(tuple(scale * x for x in self.scene.ambient), irradiance.AMBIENT)
-        return [IrradianceValues(**asdict(light), response=response) for light in (ambient, *self._lights)]
+        samples = self.scene.render.irradiance_samples
+        return [
+            IrradianceValues(**asdict(light), samples=samples, response=response) for light in (ambient, *self._lights)
+        ]
 
-    def _diffusion(self) -> list[Node]:
-        """The paper's blur, a window in texels; or one Gaussian per channel in mm, divided by blurred coverage."""
-        image, size = Ref("irradiance", "irradiance"), self.atlas_size
-        kernels = [self._kernel(look) for look in self.looks]
-        if self.paper:
-            return list(blur.separable("diffused", size, image, kernels, owner=Ref("atlas", "position")))
-        position = Ref("atlas", "position")
-        coverage = blur.separable("coverage", size, position, kernels, coverage_only=True, owner=position)
-        diffused = blur.separable(
-            "diffused",
-            size,
-            image,
-            kernels,
-            division=blur.BY_COVERAGE,
-            coverage=Ref("coverage", "blurred"),
-            owner=position,
+    def _diffusion(self, maps: Sequence[Mapping[str, Source]]) -> list[Node]:
+        """How light spreads below the surface: a sum of Gaussians, each a level, or the paper's blur."""
+        image, position, size = Ref("incoming", "absorbed"), Ref("atlas", "position"), self.atlas_size
+        if self.method == "paper":
+            kernels = [blur.window_taps(look.surface.blur) for look in self.looks]
+            return list(blur.separable("diffused", size, image, kernels, owner=position))
+        widths = self._widths
+        terms: list[Source] = [image]
+        nodes: list[Node] = []
+        metric, owner = Ref("atlas", "metric"), position
+        spread: Source = Ref("atlas", "spread") if self.method == "lattice" and self._spreads else ONE
+        if self.method == "exact":
+            nodes.append(self._blank)
+            terms = [Ref(self._blank.name, "image")]
+        elif self.method == "lattice":
+            for number, width in enumerate(widths):
+                name = f"diffused_{number}"
+                if width < LEAST_LATTICE:
+                    nodes += window_nodes(name, size, image, metric, position, width, self._texel)
+                    terms.append(Ref(name, "windowed"))
+                else:
+                    self.terms[name] = Term(*self._lattice(width), (1.0, 1.0, 1.0))
+                    normal = Ref("atlas", "frame_n")
+                    nodes += lattice_nodes(name, size, image, normal, metric, [self.terms[name]])
+                    terms.append(Ref(name, "sliced"))
+        elif self.method == "sum_of_gaussians":
+            blurs, found = chained("diffused", size, image, metric, widths)
+            nodes += blurs
+            terms += found
+        elif self.method in ("screen_space", "splat"):
+            owner, depth, size = Ref("view", "normal"), Ref("view", "depth"), self.size
+            seen: dict[str, Source] = {"image": image, "uv": Ref("view", "uv"), "depth": depth}
+            nodes.append(Arriving("arriving", size, [Draw(ArrivingValues())], seen))
+            light = Ref("arriving", "arriving")
+            if self.method == "screen_space":
+                blurs, found = screen_nodes(size, light, depth, screen_values(widths, self._pixels_per_mm))
+            else:
+                points = quads(self._texels, self.atlas_size[0])
+                blurs, found = splat_nodes(size, image, depth, points, splat_values(widths, self.view, size))
+            image = light
+            nodes += blurs
+            terms = [image, *found]
+        slots = len(self.looks)
+        draws = [
+            Draw(CombineValues(level, slots, MAX_SPREAD, blur.LEAST_COVERAGE), {"term": term})
+            for level, term in enumerate(terms)
+        ]
+        steps = SPREAD_STEPS if isinstance(spread, Ref) else 1
+        table = np.stack(
+            [spread_weights(self._profile(look), widths, self._texel / 2, steps) for look in range(slots)], axis=1
         )
-        return [*coverage, *diffused]
+        table = table.reshape(len(terms) * slots, steps, 3)
+        table = np.concatenate([table, np.ones_like(table[..., :1])], axis=-1)
+        digest = hashlib.blake2b(table.tobytes(), digest_size=16).hexdigest()
+        nodes.append(Load("diffused_weights", f"{table.shape} {digest}", lambda: [table[::-1]]))
+        inputs = {"image": image, "owner": owner, "spread": spread, "weights": Ref("diffused_weights", "image")}
+        nodes.append(Combine("diffused", size, draws, inputs))
+        return nodes
 
-    def _kernel(self, look: Look) -> tuple[tuple[float, ...], ...]:
-        if not self.scene.render.effects.blur:
-            return blur.IDENTITY
-        if self.paper:
-            return blur.window_taps(look.surface.blur)
-        if look.optics is None:
-            return blur.IDENTITY
-        optics = look.optics
-        sigma = gaussian_sigma(burley_width(optics.radius, optics.color, optics.radius_kind))
-        return blur.gaussian_taps(list(sigma / self._texel))
+    def _profile(self, look: int) -> GaussianSum:
+        """The Gaussians of a look; light stays where it is in one without optics."""
+        optics = self.looks[look].optics
+        if optics is None:
+            return GaussianSum((), ())
+        return fit(optics.diffusion_profile(), self.scene.render.diffusion_terms)
+
+    @cached_property
+    def _spreads(self) -> bool:
+        """Whether a skin's layers say how far light gets."""
+        return any("scattering_radius" in source.written for source in self._sources.values())
+
+    @cached_property
+    def _widths(self) -> tuple[float, ...]:
+        """Standard deviations of the Gaussians that are rendered, mm, ascending."""
+        profiles = [self._profile(look) for look in range(len(self.looks))]
+        if self.method == "lattice":
+            found = levels(profiles, min(LEAST_SAMPLES * self._texel, LEAST_LATTICE), self._spreads)
+            for look, profile in enumerate(profiles):
+                error = edge_error(profile, found, self._texel / 2) if profile.variances else 0.0
+                _log.info("skin %d: light at an edge is up to %.1f %% off its profile", look, 100 * error)
+            return found
+        if self.method == "splat":
+            return levels(profiles, LEAST_SPACING * spacing(self._texels), False)
+        if self.method in ("sum_of_gaussians", "screen_space"):
+            return levels(profiles, 0.0, False)
+        return ()
+
+    def _lattice(self, sigma: float) -> tuple[str, LatticeTables]:
+        """The lattice's tables of a width, with the key that names them."""
+        size = self.atlas_size[0]
+        key = f"{self.mesh.key} {size} {ATLAS_GUTTER} {sigma!r} {REACH}"
+
+        def make() -> dict[str, NDArray[Any]]:
+            at = self._texels
+            gives = at.areas > 0
+            # Where light reaches a texel of the gutter from nowhere, what lies there stays.
+            away = cKDTree(at.positions[gives]).query(at.positions[~gives], distance_upper_bound=REACH * sigma)[0]
+            keep = gives.copy()
+            keep[~gives] = np.isfinite(away)
+            kept = Texels(at.index[keep], at.positions[keep], at.normals[keep], at.areas[keep])
+            return pack(tables(kept.positions, kept.normals, kept.areas, kept.index, size, sigma))
+
+        return key, unpack(diskcache.arrays("lattice", key, make, enabled=self._skip))
+
+    @cached_property
+    def _texels(self) -> Texels:
+        return atlas_texels(self.mesh, self.atlas_size[0], ATLAS_GUTTER)
+
+    _blank = Load("exact", "nothing yet", lambda: [np.zeros((1, 1, 4))])
+
+    def _exactly_diffused(self) -> Load:
+        """The light on the atlas, diffused on the host; what the GPU makes of it is read back first."""
+        assert self._exact is not None
+        ref = Ref("incoming", "absorbed")
+        light = read_back(self.graph.run([ref])[ref])
+        owner = read_back(self.graph.run([Ref("atlas", "position")])[Ref("atlas", "position")])
+        texels, exact = self._texels, self._exact
+        height, width = light.shape[:2]
+        row, column = height - 1 - texels.index // width, texels.index % width
+        slot = owner[row, column, 3]
+        digest = hashlib.blake2b(light.tobytes(), digest_size=16).hexdigest()
+
+        def make() -> list[NDArray[np.floating]]:
+            signal, result = light[row, column, :3].astype(np.float64), np.zeros(light.shape)
+            for look in range(len(self.looks)):
+                # The gutter stays empty: what reads at a border takes the mean of the texels that are there.
+                here = (slot == look + 1) & (texels.areas > 0)
+                profile = self._profile(look)
+                total = np.broadcast_to(profile.total(), 3)
+                shares = np.array(profile.weights).reshape(-1, 3) / np.where(total > 0, total, 1)
+                found = exact(texels, signal, here, profile.variances, shares.tolist())
+                found += signal[here] * (1 - shares.sum(axis=0))
+                result[row[here], column[here]] = np.concatenate([found, np.ones_like(found[:, :1])], axis=1)
+            return [result]
+
+        profiles = [self._profile(look) for look in range(len(self.looks))]
+        return Load(self._blank.name, f"{digest} {self.mesh.key} {profiles}", make)
+
+    @property
+    def _pixels_per_mm(self) -> float:
+        """Pixels that a mm takes at a depth of 1 mm."""
+        return self.size[1] / (2 * self.view.tan_half[1])
 
     @cached_property
     def _texel(self) -> float:
@@ -469,14 +660,24 @@ class Pipeline:
         lens: dict[str, Any] = {"tan_half": view.tan_half, "size": tuple(map(float, self.size))}
         environment = self.scene.environment
         values: dict[str, list[Values]] = {"view": []}
+        if self.method == "screen_space":
+            changing = screen_values(self._widths, self._pixels_per_mm)
+            values |= {name: [block] for name, block in changing.items()}
+        elif self.method == "splat":
+            discs = splat_values(self._widths, view, self.size)
+            values |= {name: [block] for name, block in discs.items()}
+        strength = 1.0 if render.effects.specular else 0.0
         mirrors = False
         for look in self.look_of_part:
             surface = self.looks[look].surface
             reflectance = surface.reflectance if render.effects.reflection and environment else 0.0
             mirrors |= reflectance > 0
             values["view"].append(
-                ViewValues(view.clip, view.eye, surface.bumpiness, view.forward, look + 1.0, reflectance)
-            )
+                ViewValues(
+                    view.clip, view.eye, surface.bumpiness, view.forward, look + 1.0, reflectance,
+                    strength * surface.specular, -1.0 if self._rough(look) else surface.shininess,
+                )
+            )  # fmt: skip
         hemisphere = render.occlusion.samples == "hemisphere"
         for band, count, radius in (
             ("high", occlusion_band.HIGH_SAMPLES, render.occlusion.radius_high),
@@ -488,12 +689,11 @@ class Pipeline:
                 seed=int(band == "low"), samples=samples,
             )  # fmt: skip
             values[f"occlusion_{band}_samples"] = [band_values]
-        strength = 1.0 if render.effects.specular else 0.0
-        gloss = tuple((strength * look.surface.specular, look.surface.shininess, 0.0, 0.0) for look in self.looks)
+        dull = int(strength == 0 or all(look.surface.specular == 0 for look in self.looks))
         # Without a light there is nothing to add up; one that shines nothing keeps the node's form.
         lights = self._lights or [LightValues((0.0, 0.0, 0.0), irradiance.DIRECTIONAL)]
         values["specular"] = [
-            SpecularValues(**asdict(light), **axes, **lens, eye=view.eye, scale=self._radiance, gloss=gloss)
+            SpecularValues(**asdict(light), **axes, **lens, eye=view.eye, scale=self._radiance, dull=dull)
             for light in lights
         ]
         values["reflection"] = [
@@ -514,6 +714,10 @@ class Pipeline:
     def _radiance(self) -> float:
         """Factor from irradiance to radiance; the paper's light values are Phong colors already."""
         return 1.0 if self.paper else 1 / math.pi
+
+    def _rough(self, look: int) -> bool:
+        """Whether a skin's layers say how rough it is."""
+        return look in self._sources and "roughness" in self._sources[look].written
 
     def _occlusion_weights(self) -> OcclusionValues:
         occlusion, effects = self.scene.render.occlusion, self.scene.render.effects
@@ -538,7 +742,7 @@ class Pipeline:
         return Load("environment", f"{file_digest(path)} panorama", make, "rgba32f"), levels - smaller
 
     def _reflection(self, view: Mapping[str, Source], draws: Sequence[Draw]) -> list[Node]:
-        inputs = {**view, "reflectance": Ref("view", "reflectance"), "occlusion": Ref("occlusion", "occlusion")}
+        inputs = {**view, "reflectance": Ref("view", "finish"), "occlusion": Ref("occlusion", "occlusion")}
         if self.scene.environment is None:
             return [Reflection("reflection", self.size, draws, {**inputs, "environment": ZERO})]
         load, _ = self._panorama
@@ -546,7 +750,13 @@ class Pipeline:
         return [load, Reflection("reflection", self.size, draws, inputs)]
 
     def _composition(self, display: Sequence[Draw]) -> list[Node]:
-        values = ComposeValues(self._radiance, float(self.paper), int(not self.paper))
+        values = ComposeValues(
+            self._radiance,
+            float(self.paper),
+            normalize=int(self.method != "paper"),
+            in_atlas=int(self.method not in ("screen_space", "splat")),
+            way_out=2 - WAYS_IN[self.scene.render.diffusion.albedo],
+        )
         inputs = {
             **{name: Ref("view", name) for name in ("depth", "uv", "albedo")},
             "occlusion": Ref("occlusion", "occlusion"),
@@ -594,27 +804,90 @@ def light_values(light: Light, origin: NDArray[np.float64]) -> LightValues:
     return LightValues(light.intensity, irradiance.SPOT, position, outer, tuple(map(float, direction)), inner)
 
 
-def file_digest(path: Path) -> str:
-    """Return the hash of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+def load_textures(source: MapSource) -> tuple[dict[str, Load], dict[str, Source]]:
+    """Return the nodes that upload what a skin's layers sample, by name, and what each sampler reads."""
+    loads = {}
+    inputs: dict[str, Source] = {}
+    for sampler, texture in source.textures:
+        digest = hashlib.blake2b(texture.key.encode(), digest_size=8).hexdigest()
+        load = Load(f"texture {digest}", texture.key, partial(_texels, texture), texture.format, True)
+        loads[load.name] = load
+        inputs[sampler] = Ref(load.name, "image")
+    return loads, inputs
 
 
-def load_picture(picture: Picture) -> Load:
-    """Return the node that uploads a source image of a skin, read by its role."""
-    path, role = picture.file, picture.role
-    readers: dict[str, Callable[[], NDArray[np.float32]]] = {
-        "color": lambda: images.read_color(path),
-        "grey": lambda: np.repeat(images.read_data(path, 1), 4, axis=-1),
-        "normal": lambda: images.read_data(path, 4),
+def _texels(texture: Texture) -> list[NDArray[np.floating]]:
+    """Return a texture's pixels, of as many channels as its format has, within what the driver can hold."""
+    pixels: NDArray[np.floating] = np.asarray(texture.make())
+    limit = get_context().info["GL_MAX_TEXTURE_SIZE"]
+    height, width = pixels.shape[:2]
+    if max(height, width) > limit:
+        _log.warning("a picture of %d x %d is reduced to the %d a side that this driver holds", width, height, limit)
+        pixels = images.reduce_to(pixels, limit)
+    channels = FORMATS[texture.format][0]
+    if pixels.shape[2] < channels:
+        pixels = np.repeat(pixels[..., :1], channels, axis=-1)
+    return [pixels]
+
+
+@dataclass(frozen=True)
+class SkinMaps:
+    """The nodes that make a skin's maps.
+
+    Parameters
+    ----------
+    nodes : in no particular order
+    source : the layers as shaders
+    maps : by output of the pass `Maps`, where it comes from
+    slope : of the heights and normal maps together
+    site : where the texels lie on the mesh, if there is one
+    """
+
+    nodes: Sequence[Node]
+    source: MapSource
+    maps: Mapping[str, Source]
+    slope: Source
+    site: Callable[[str], Source]
+
+
+def skin_maps(name: str, skin: Skin, source: MapSource, geometry: Geometry | None, parts: Sequence[int]) -> SkinMaps:
+    """Return what makes the maps of a skin.
+
+    Parameters
+    ----------
+    name : begins the nodes' names
+    skin : the description
+    source : its layers as shaders
+    geometry : the mesh they lie on; None for a flat square
+    parts : of the mesh, that wear the skin
+
+    Raises
+    ------
+    LimitError : the uv of the parts need several UDIM tiles
+    """
+    if geometry is not None:
+        require_one_tile(geometry.mesh, parts)
+    side = skin.size
+    size = (side, side)
+    loads, inputs = load_textures(source)
+    nodes: list[Node] = list(loads.values())
+    on_surface = geometry is not None and skin.domain == "object"
+    if geometry is not None:
+        values = SiteValues(1 / side, MAP_GUTTER / side)
+        draws = [Draw(values, {}, topology, part) for topology in ("map_gutter", "tiles") for part in parts]
+        nodes.append(Site(f"{name}_site", size, draws, geometry=geometry))
+        if on_surface:
+            inputs |= {f"site_{what}": Ref(f"{name}_site", what) for what in ("position", "normal")}
+        if source.reads_bake:
+            inputs["site_baked"] = Ref(f"{name}_site", "baked")
+    nodes.append(Maps(f"{name}_maps", size, source, inputs, on_surface=on_surface, extent=skin.extent))
+    maps = {
+        output: Ref(f"{name}_maps", output) if output in source.written else source.constant(output)
+        for output in Maps.outputs
     }
-    digest = file_digest(path)
-    format = "rgba32f" if role == "grey" else "rgba16f"
-    return Load(f"image {path.name} {digest[:8]} {role}", f"{digest} {role}", lambda: [readers[role]()], format, True)
-
-
-def load_pictures(source: MapSource) -> tuple[dict[str, Load], dict[str, Source]]:
-    """Return the nodes that upload a skin's source images, by name, and what each sampler reads."""
-    by_sampler = {sampler: load_picture(picture) for sampler, picture in source.images}
-    inputs: dict[str, Source] = {sampler: Ref(load.name, "image") for sampler, load in by_sampler.items()}
-    return {load.name: load for load in by_sampler.values()}, inputs
+    slope: Source = ZERO
+    if {"height", "tangent_slope"} & source.written:
+        wired = {"height": maps["height"], "tangent_slope": maps["tangent_slope"]}
+        nodes.append(Slope(f"{name}_slope", size, [Draw(SlopeValues())], wired))
+        slope = Ref(f"{name}_slope", "slope")
+    return SkinMaps(nodes, source, maps, slope, lambda what: ZERO if geometry is None else Ref(f"{name}_site", what))

@@ -16,4 +16,9 @@ void main() {
     frame_n = vec4(N, 1.0);
     frame_u = vec4(v_dpdu, dh.x);
     frame_v = vec4(v_dpdv, dh.y);
+    vec3 along = dFdx(v_position);
+    vec3 across = dFdy(v_position);
+    metric = vec4(p.gives * length(cross(along, across)), 1.0 / max(vec2(length(along), length(across)), 1e-6), 1.0);
+    albedo = vec4(texture(albedo_map, v_uv).rgb, 1.0);
+    spread = vec4(texture(radius_map, v_uv).rgb / p.radius, 1.0);
 }

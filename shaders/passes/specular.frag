@@ -17,16 +17,16 @@ void main() {
         specular = vec4(0.0);
         return;
     }
-    vec4 gloss = p.gloss[slot - 1];  // x: strength, y: shininess
+    vec4 gloss = fetch(finish, pixel);  // y: strength, z: shininess
     vec3 c = camera_position(pixel, fetch(depth, pixel).r);
     vec3 from_eye = c.x * p.right + c.y * p.up + c.z * p.forward;
     vec3 V = -from_eye / sqrt(max(dot(from_eye, from_eye), 1e-12));
-    Lit lit = light_at(p.eye + from_eye);
+    Lit lit = light_at(p.middle + c.x * p.right + c.y * p.up + (c.z - p.middle_depth) * p.forward);
     vec3 R = reflect(-lit.L, N.xyz);
     // 1 - cos from the chord between the two: the cosine itself leaves float32 no digits near 1, where highlights are.
     vec3 chord = R - V;
     float versine = 0.5 * dot(chord, chord);
     bool shines = versine < 1.0 && dot(N.xyz, lit.L) > 0.0;
-    float lobe = shines ? exp(gloss.y * log_of_rest(versine)) : 0.0;
-    specular = vec4(p.scale * gloss.x * lobe * lit.irradiance, 0.0);
+    float lobe = shines ? exp(gloss.z * log_of_rest(versine)) : 0.0;
+    specular = vec4(p.scale * gloss.y * lobe * lit.irradiance, 0.0);
 }

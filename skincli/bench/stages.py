@@ -15,13 +15,17 @@ from skincli import metrics
 from skincli.bench.scene import STAGE_SCENE, load, ring
 from skincli.color import neutral_display
 from skincli.gpu.textures import read_back
+from skincli.graph.frame_graph import FrameGraph
 from skincli.graph.node import ZERO, Constant, Load, Node, Pass, Ref
 from skincli.passes import (
+    absorb,
     atlas,
     blur,
+    combine,
     compose,
     display,
     irradiance,
+    lattice,
     occlusion,
     occlusion_band,
     reflection,
@@ -46,32 +50,47 @@ DEPTH_SHARE, DEPTH_RMS = 1e-3, 5e-4
 
 
 class Stored:
-    """All that one frame of a pipeline stored, in float64, top row first.
+    """All that one frame of a graph stored, top row first.
 
     Parameters
     ----------
-    pipeline : made with skip=False, so that every node runs
+    graph : made with skip=False, so that every node runs
+    terms : of the surface lattice, by the node that slices it
+
+    Attributes
+    ----------
+    arrays : (h, w, c) float32 by node and output
     """
 
-    def __init__(self, pipeline: Pipeline) -> None:
-        self._nodes = pipeline.graph.nodes
+    def __init__(self, graph: FrameGraph, terms: Mapping[str, lattice.Term] | None = None) -> None:
+        self.terms = terms or {}
+        self._nodes = graph.nodes
         refs = [Ref(node.name, output) for node in self._nodes.values() for output in node.outputs]
-        self._arrays = {ref: read_back(texture) for ref, texture in pipeline.graph.run(refs).items()}
+        self.arrays = {ref: read_back(texture) for ref, texture in graph.run(refs).items()}
 
     def output(self, node: Pass, name: str) -> Array:
-        """Return (h, w, c) what a node wrote."""
-        return self._arrays[Ref(node.name, name)].astype(np.float64)
+        """Return (h, w, c) float64 what a node wrote."""
+        return self.arrays[Ref(node.name, name)].astype(np.float64)
 
-    def input(self, node: Pass, name: str) -> Array:
-        """Return (h, w, c) what the first draw of a node reads; a constant is (1, 1, 4)."""
-        source = node.draws[0].inputs.get(name, node.wired.get(name, ZERO))
+    def input(self, node: Pass, name: str, draw: int = 0) -> Array:
+        """Return (h, w, c) what the first draw of a node reads, or another; a constant is (1, 1, 4)."""
+        source = node.draws[draw].inputs.get(name, node.wired.get(name, ZERO))
         if isinstance(source, Constant):
             return np.array(source.value).reshape(1, 1, 4)
-        return self._arrays[source].astype(np.float64)
+        return self.arrays[source].astype(np.float64)
+
+    def node(self, name: str) -> Pass:
+        """Return the pass of that name."""
+        found = self._nodes[name]
+        assert isinstance(found, Pass)
+        return found
 
     def levels(self, node: Pass, name: str) -> list[Array]:
-        """Return the mip levels of a loaded image that a node reads, as uploaded."""
-        load = self._nodes[node.wired[name].node]  # type: ignore[union-attr]
+        """Return the mip levels of a loaded image that a node reads, as uploaded; a constant has one."""
+        source = node.wired[name]
+        if isinstance(source, Constant):
+            return [self.input(node, name)]
+        load = self._nodes[source.node]
         assert isinstance(load, Load)
         return [level.astype(np.float32).astype(np.float64) for level in load.make()]
 
@@ -92,12 +111,39 @@ def _lighting(node: Pass, stored: Stored) -> Array:
 
 
 def _blur(node: Pass, stored: Stored) -> Array:
-    image, coverage, owner = (stored.input(node, name) for name in ("image", "coverage", "owner"))
+    image, owner = stored.input(node, "image"), stored.input(node, "owner")
     first, *others = _values(node)
-    result = blur.twin(first, image, coverage, owner)
+    result = blur.twin(first, image, owner)
     for values in others:
-        result = np.where(owner[..., 3:] == values.slot, blur.twin(values, image, coverage, owner), result)
+        result = np.where(owner[..., 3:] == values.slot, blur.twin(values, image, owner), result)
     return result
+
+
+def _absorb(node: Pass, stored: Stored) -> Array:
+    return absorb.twin(_values(node)[0], stored.input(node, "image"), stored.input(node, "albedo")[..., :3])
+
+
+def _lattice(node: Pass, stored: Stored) -> Array:
+    source = stored.node(f"{node.name}_source")
+    metric = stored.input(source, "area")
+    return lattice.twin(
+        [stored.terms[node.name]],
+        stored.input(source, "image")[..., :3],
+        stored.input(node, "normal")[..., :3],
+        metric[..., 0],
+    )
+
+
+def _combine(node: Pass, stored: Stored) -> Array:
+    image, owner, spread, weights = (stored.input(node, name) for name in ("image", "owner", "spread", "weights"))
+    terms = [stored.input(node, "term", number) for number in range(len(node.draws))]
+    return np.sum(
+        [
+            combine.twin(values, term, image, owner, spread, weights[::-1])
+            for values, term in zip(_values(node), terms, strict=True)
+        ],
+        axis=0,
+    )
 
 
 def _band(node: Pass, stored: Stored) -> Array:
@@ -111,7 +157,8 @@ def _equation_1(node: Pass, stored: Stored) -> Array:
 
 
 def _specular(node: Pass, stored: Stored) -> Array:
-    return specular.twin(_values(node), stored.input(node, "depth")[..., 0], stored.input(node, "normal"))
+    depth, normal, finish = (stored.input(node, name) for name in ("depth", "normal", "finish"))
+    return specular.twin(_values(node), depth[..., 0], normal, finish)
 
 
 def _reflection(node: Pass, stored: Stored) -> Array:
@@ -159,6 +206,9 @@ STAGES: Mapping[type[Node], Stage] = {
     slope.Slope: Stage("slope", "slope", _slope),
     atlas.Atlas: Stage("bump", "normal", _bump),
     irradiance.Irradiance: Stage("lighting", "irradiance", _lighting),
+    absorb.Absorb: Stage("absorption", "absorbed", _absorb),
+    lattice.LatticeSlice: Stage("lattice", "sliced", _lattice),
+    combine.Combine: Stage("sum of Gaussians", "blurred", _combine),
     blur.Blur: Stage("blur", "blurred", _blur),
     view.View: Stage("bump", "normal", _bump),
     occlusion_band.OcclusionBand: Stage("occlusion band", "occlusion", _band, compares_depth=True),
@@ -247,7 +297,7 @@ def compare_stages(shadings: Sequence[str] = SHADINGS) -> list[StageError]:
     for shading in shadings:
         with tempfile.TemporaryDirectory() as folder:
             pipeline = Pipeline(load(Path(folder), STAGE_SCENE, f"render.shading={shading}"), ring(), skip=False)
-            stored = Stored(pipeline)
+            stored = Stored(pipeline.graph, pipeline.terms)
             for node in pipeline.graph.nodes.values():
                 stage = STAGES.get(type(node))
                 if stage is None:

@@ -45,6 +45,7 @@ def command(
     from skincli.gpu.context import get_context
     from skincli.images import require_writable
     from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
+    from skincli.reference.texels import diffuse_texels
     from skincli.scene.model import check_outputs
     from skincli.scene.paths import load_scene
 
@@ -63,7 +64,7 @@ def command(
         require_writable(report)
     get_context(require_gpu)
     mesh = load_scene_mesh(loaded, use_cache=not no_skip)
-    pipeline = Pipeline(loaded, mesh, skip=not no_skip)
+    pipeline = Pipeline(loaded, mesh, skip=not no_skip, exact=diffuse_texels)
     timing = explain or report is not None
     frame = {"frame": 1, **render.render_frame(pipeline, target, loaded.scene.outputs, timing, check)}
     if report is not None:

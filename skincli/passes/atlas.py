@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.gpu.blocks import Values
+from skincli.gpu.blocks import Values, Vec3
 from skincli.graph.node import ZERO, Constant, Input, Output, Pass
 
 
@@ -21,25 +21,36 @@ class AtlasValues(Values):
     bumpiness : factor on the height, 1 is physical
     slot : 1-based number of the part's skin
     gutter : how far charts are continued beyond their border, in atlas uv
+    gives : 1 where the texels are a piece of the surface, 0 in the gutter, which only receives
+    radius : scattering radius of the part's optics, mm
     """
 
     bumpiness: float
     slot: float
     gutter: float
+    gives: float
+    radius: Vec3
 
 
 class Atlas(Pass):
-    """Position (mm, w = slot of the skin, 0 uncovered) and bumped normal; the frame_* outputs are for inspection."""
+    """Position (mm, w = slot of the skin, 0 uncovered) and bumped normal; frame_n is the normal without bumps.
+
+    metric : mm² of surface that a texel gives light from (x), texels per mm along both axes (y, z), coverage (w)
+    spread : the scattering radius over that of the optics; frame_u and frame_v are for inspection
+    """
 
     shader = "passes/atlas.frag"
     vertex = "passes/atlas.vert"
-    inputs = {"slope": Input("mipmap", repeat=True)}
+    inputs = {name: Input("mipmap", repeat=True) for name in ("slope", "albedo_map", "radius_map")}
     outputs = {
         "position": Output(needs=()),
-        "normal": Output(),
+        "normal": Output(needs=("slope",)),
         "frame_n": Output(needs=()),
-        "frame_u": Output(),
-        "frame_v": Output(),
+        "frame_u": Output(needs=("slope",)),
+        "frame_v": Output(needs=("slope",)),
+        "metric": Output(needs=()),
+        "albedo": Output(needs=("albedo_map",)),
+        "spread": Output(needs=("radius_map",)),
     }
 
     def ignores(self) -> Mapping[str, tuple[Constant, str]]:

@@ -8,19 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.errors import LimitError
 from skincli.gpu.blocks import Taps, Values
 from skincli.graph.node import ONE, Draw, Input, Output, Pass, Ref, Source
 
-NO_DIVISION, BY_ALPHA, BY_COVERAGE = range(3)
-
-MAX_RADIUS = 511
+NO_DIVISION, BY_ALPHA = range(2)
 
 #: standard deviations between the middle and the end of a window that is given by its width
 WINDOW_SIGMAS = 2.0
-
-#: standard deviations kept on each side of a Gaussian that is given by its width in mm: 0.13 % at an edge
-KEPT_SIGMAS = 3.0
 
 #: taps of a blur that changes nothing
 IDENTITY: tuple[tuple[float, ...], ...] = ((1.0, 1.0, 1.0, 1.0),)
@@ -37,8 +31,7 @@ class BlurValues(Values):
     ----------
     step_x, step_y : direction in texels
     radius : taps on each side
-    division : NO_DIVISION, BY_ALPHA or BY_COVERAGE
-    coverage_only : 1 blurs 1 where the image's alpha is above 0
+    division : NO_DIVISION or BY_ALPHA
     slot : only texels of this skin are written; 0 writes all
     empty : value where no coverage is known
     least_coverage : share of coverage below which nothing is known
@@ -49,7 +42,6 @@ class BlurValues(Values):
     step_y: int
     radius: int
     division: int
-    coverage_only: int
     slot: int
     empty: float
     least_coverage: float
@@ -60,22 +52,21 @@ class Blur(Pass):
     """One direction of the blur."""
 
     shader = "passes/blur.frag"
-    inputs = {"image": Input("bordered"), "coverage": Input(), "owner": Input()}
+    inputs = {"image": Input("bordered"), "owner": Input()}
     outputs = {"blurred": Output()}
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:
         """A kernel of one tap returns its image."""
         values = [draw.values for draw in self.draws]
-        if all(v.radius == 0 and v.coverage_only == 0 for v in values):  # type: ignore[attr-defined]
+        if all(v.radius == 0 for v in values):  # type: ignore[attr-defined]
             return self.source(self.draws[0], "image"), "the blur is off, or its window holds one texel"
         return None
 
     def needed_inputs(self, output: str) -> Sequence[str]:
-        """The coverage is read only where it divides, the owner only where it decides what is written."""
+        """The owner is read only where it decides what is written."""
         values = [draw.values for draw in self.draws]
-        divides = any(v.division == BY_COVERAGE for v in values)  # type: ignore[attr-defined]
         owned = any(v.slot > 0 or v.division == BY_ALPHA for v in values)  # type: ignore[attr-defined]
-        return ("image", *(("coverage",) if divides else ()), *(("owner",) if owned else ()))
+        return ("image", *(("owner",) if owned else ()))
 
 
 def window_taps(width: float) -> tuple[tuple[float, ...], ...]:
@@ -98,29 +89,6 @@ def window_taps(width: float) -> tuple[tuple[float, ...], ...]:
     return _normalized(np.repeat(weights[:, None], 4, axis=1))
 
 
-def gaussian_taps(sigma: Sequence[float]) -> tuple[tuple[float, ...], ...]:
-    """Return the taps of a Gaussian of a width per channel.
-
-    Parameters
-    ----------
-    sigma : (3,) texels, standard deviation for R, G, B; the alpha channel takes the widest
-
-    Returns
-    -------
-    (radius + 1, 4) as window_taps; the radius is KEPT_SIGMAS of the widest channel
-    """
-    widths = np.array([*sigma, max(sigma)], float)
-    # A Gaussian below a tenth of a texel moves nothing that float32 can hold.
-    radius = int(np.ceil(KEPT_SIGMAS * widths.max())) if widths.max() > 0.1 else 0
-    if radius > MAX_RADIUS:
-        raise LimitError(
-            f"the scattering radius spans {radius} texels of the atlas; at most {MAX_RADIUS} are allowed; "
-            "choose a smaller render.atlas or optics.radius"
-        )
-    offsets = np.arange(radius + 1)[:, None]
-    return _normalized(np.exp(-0.5 * (offsets / np.maximum(widths, 1e-3)) ** 2))
-
-
 def _normalized(weights: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
     weights = weights / (weights[0] + 2 * weights[1:].sum(axis=0))
     return tuple(tuple(float(x) for x in row) for row in weights)
@@ -133,8 +101,6 @@ def separable(
     kernels: Sequence[tuple[tuple[float, ...], ...]],
     *,
     division: int = NO_DIVISION,
-    coverage_only: bool = False,
-    coverage: Source = ONE,
     owner: Source = ONE,
     empty: float = 0.0,
 ) -> list[Blur]:
@@ -144,17 +110,16 @@ def separable(
     ----------
     kernels : taps, one set for all texels or one per slot of the owner
     owner : w is the slot of the skin that owns a texel, 0 where there is none
-    division, coverage, empty : see BlurValues; the division happens once, after the second direction
+    division, empty : see BlurValues; the division happens once, after the second direction
     """
 
-    def draws(step: tuple[int, int], last: bool, only: bool) -> list[Draw]:
+    def draws(step: tuple[int, int], last: bool) -> list[Draw]:
         return [
             Draw(
                 BlurValues(
                     *step,
                     len(taps) - 1,
                     division if last else NO_DIVISION,
-                    int(only),
                     # The first kernel also fills the texels that belong to nobody.
                     slot if slot > 1 else 0,
                     empty,
@@ -166,46 +131,41 @@ def separable(
             if slot == 1 or taps != kernels[0]
         ]
 
-    rows = Blur(f"{name}_rows", size, draws((1, 0), False, coverage_only), {"image": image, "owner": owner})
+    rows = Blur(f"{name}_rows", size, draws((1, 0), False), {"image": image, "owner": owner})
     columns = Blur(
         name,
         size,
-        draws((0, 1), True, False),
-        {"image": Ref(rows.name, "blurred"), "coverage": coverage, "owner": owner},
+        draws((0, 1), True),
+        {"image": Ref(rows.name, "blurred"), "owner": owner},
     )
     return [rows, columns]
 
 
-def twin(
-    values: BlurValues, image: NDArray[np.float64], coverage: NDArray[np.float64], owner: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def twin(values: BlurValues, image: NDArray[np.float64], owner: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return one direction of the blur.
 
     Parameters
     ----------
     image : (h, w, 4), top row first
-    coverage, owner : (h, w, 4) or (1, 1, 4), read where values.division asks for them
+    owner : (h, w, 4) or (1, 1, 4), read where values.division asks for it
 
     Returns
     -------
     (h, w, 4)
     """
-    source = np.repeat((image[..., 3:] > 0).astype(float), 4, axis=-1) if values.coverage_only else image
     taps = np.array(values.taps, float)
     radius, axis = values.radius, 1 if values.step_x else 0
     padding = [(0, 0)] * 3
     padding[axis] = (radius, radius)
-    padded = np.pad(source, padding)
-    length = source.shape[axis]
-    total = np.zeros_like(source)
+    padded = np.pad(image, padding)
+    length = image.shape[axis]
+    total = np.zeros_like(image)
     for k in range(-radius, radius + 1):
         total += taps[abs(k)] * np.take(padded, np.arange(radius + k, radius + k + length), axis=axis)
     if values.division == NO_DIVISION:
         return total
-    share = total[..., 3:] if values.division == BY_ALPHA else coverage[..., :3]
-    known = share.min(axis=-1, keepdims=True) > values.least_coverage
-    if values.division == BY_ALPHA:
-        known &= owner[..., 3:] > 0
+    share = total[..., 3:]
+    known = (share > values.least_coverage) & (owner[..., 3:] > 0)
     divided = np.concatenate([total[..., :3] / np.where(known, share, 1), np.ones((*total.shape[:2], 1))], axis=-1)
     nothing = np.array([values.empty] * 3 + [0.0])
     return np.where(known, divided, nothing)

@@ -20,15 +20,19 @@ class ComposeValues(Values):
     scale : factor on the light that left the skin: 1 for `paper`, 1/pi for radiance
     tint_highlights : 1 multiplies highlights by the albedo, as the paper does; 0 leaves them white
     normalize : 1 divides the bilinear read by the share of its texels that hold a surface
+    in_atlas : 1 reads the diffused light in the atlas, 0 in the picture
+    way_out : square roots of the albedo that light still has to meet, 0 to 2
     """
 
     scale: float
     tint_highlights: float
     normalize: int
+    in_atlas: int
+    way_out: int
 
 
 class Compose(Pass):
-    """Beauty (premultiplied, a = coverage) and the diffuse light before the albedo."""
+    """Beauty (premultiplied, a = coverage) and the diffuse light before what is left of the albedo."""
 
     shader = "passes/compose.frag"
     inputs = {
@@ -65,5 +69,5 @@ def twin(
     """
     covered = diffuse[..., 3:]
     highlight = specular * (1 + values.tint_highlights * (albedo - 1))
-    beauty = diffuse[..., :3] * occlusion[..., None] * albedo + highlight + reflection
+    beauty = diffuse[..., :3] * occlusion[..., None] * albedo ** (values.way_out / 2) + highlight + reflection
     return np.concatenate([covered * beauty, covered], axis=-1)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.gpu.blocks import Slots, Vec2, Vec3
+from skincli.gpu.blocks import Vec2, Vec3
 from skincli.graph.node import ZERO, Input, Output, Pass, Source
 from skincli.passes.camera import camera_position
 from skincli.passes.irradiance import LightValues, light_twin
@@ -15,13 +15,15 @@ from skincli.passes.irradiance import LightValues, light_twin
 
 @dataclass(frozen=True)
 class SpecularValues(LightValues):
-    """A light, the camera and per slot the skin's gloss.
+    """A light and the camera.
 
     Parameters
     ----------
     eye, right, up, forward, tan_half, size : of the camera, relative to the mesh
     scale : factor on the result: 1 for `paper`, 1/pi for radiance
-    gloss : x strength, y shininess
+    dull : whether no skin has highlights
+    middle, middle_depth : the point of the view axis beside the mesh's origin, relative to it, and its depth; from
+        there float32 reaches the surface of the mesh however far away the eye is
     """
 
     eye: Vec3 = (0.0, 0.0, 0.0)
@@ -31,7 +33,16 @@ class SpecularValues(LightValues):
     forward: Vec3 = (0.0, 0.0, -1.0)
     tan_half: Vec2 = (1.0, 1.0)
     size: Vec2 = (1.0, 1.0)
-    gloss: Slots = ()
+    dull: int = 0
+    middle: Vec3 = field(init=False)
+    middle_depth: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        eye, forward = np.array(self.eye, float), np.array(self.forward, float)
+        # Rounded as the shader has it, so that the point goes with that depth.
+        depth = float(np.float32(max(-eye @ forward, 0.0)))
+        object.__setattr__(self, "middle", tuple(map(float, eye + depth * forward)))
+        object.__setattr__(self, "middle_depth", depth)
 
 
 class Specular(Pass):
@@ -39,23 +50,29 @@ class Specular(Pass):
 
     shader = "passes/specular.frag"
     additive = True
-    inputs = {"depth": Input(), "normal": Input()}
+    inputs = {"depth": Input(), "normal": Input(), "finish": Input()}
     outputs = {"specular": Output()}
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:
         """A skin without gloss has no highlights."""
         lights = [draw.values for draw in self.draws if isinstance(draw.values, SpecularValues)]
-        dark = all(not any(light.color) or all(gloss[0] == 0 for gloss in light.gloss) for light in lights)
+        dark = all(not any(light.color) or light.dull for light in lights)
         return (ZERO, "specular is off or 0, or there is no light") if dark else None
 
 
-def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def twin(
+    lights: list[SpecularValues],
+    depth: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    finish: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Return the highlights.
 
     Parameters
     ----------
     depth : (h, w) mm
     normal : (h, w, 4) unit, w = slot
+    finish : (h, w, 4) y strength, z shininess
 
     Returns
     -------
@@ -73,7 +90,6 @@ def twin(lights: list[SpecularValues], depth: NDArray[np.float64], normal: NDArr
         NoL = np.sum(N * L, axis=-1, keepdims=True)
         R = 2 * NoL * N - L
         versine = np.sum((R - V) ** 2, axis=-1, keepdims=True) / 2
-        gloss = np.array(light.gloss, float)[np.maximum(slot - 1, 0)]
-        lobe = np.where((versine < 1) & (NoL > 0), np.maximum(1 - versine, 1e-30) ** gloss[..., 1:2], 0.0)
-        total += light.scale * gloss[..., :1] * lobe * irradiance
+        lobe = np.where((versine < 1) & (NoL > 0), np.maximum(1 - versine, 1e-30) ** finish[..., 2:3], 0.0)
+        total += light.scale * finish[..., 1:2] * lobe * irradiance
     return total * (slot > 0)[..., None]

@@ -20,6 +20,8 @@ class ViewValues(Values):
     bumpiness : factor on the height, 1 is physical
     slot : 1-based number of the part's skin
     reflectance : the skin's reflectance, 0 to 1
+    specular : strength of its highlights
+    shininess : exponent of its highlights; negative where the roughness map says it
     """
 
     clip: Mat4
@@ -28,10 +30,15 @@ class ViewValues(Values):
     forward: Vec3
     slot: float
     reflectance: float
+    specular: float
+    shininess: float
 
 
 class View(Pass):
-    """Linear depth (mm, 0 is background), bumped normal (w = slot), both UV sets, and the maps where they show."""
+    """Linear depth (mm, 0 is background), bumped normal (w = slot), both UV sets, and the maps where they show.
+
+    finish: x reflectance, y strength and z exponent of the highlights.
+    """
 
     shader = "passes/view.frag"
     vertex = "passes/view.vert"
@@ -40,13 +47,15 @@ class View(Pass):
         "slope_map": Input("mipmap", repeat=True),
         "albedo_map": Input("mipmap", repeat=True),
         "reflectance_map": Input("mipmap", repeat=True),
+        "specular_map": Input("mipmap", repeat=True),
+        "roughness_map": Input("mipmap", repeat=True),
     }
     outputs = {
         "depth": Output("r32f", needs=()),
         "normal": Output(needs=("slope_map",)),
         "uv": Output(needs=()),
         "albedo": Output(needs=("albedo_map",)),
-        "reflectance": Output("r32f", needs=("reflectance_map",)),
+        "finish": Output(needs=("reflectance_map", "specular_map", "roughness_map")),
         "frame_n": Output(needs=()),
         "frame_u": Output(needs=("slope_map",)),
         "frame_v": Output(needs=("slope_map",)),
@@ -59,4 +68,6 @@ class View(Pass):
             found["slope_map"] = (ZERO, "bumpiness is 0")
         if all(draw.values.reflectance == 0 for draw in self.draws):  # type: ignore[attr-defined]
             found["reflectance_map"] = (ZERO, "reflectance is 0")
+        if all(draw.values.specular == 0 for draw in self.draws):  # type: ignore[attr-defined]
+            found |= dict.fromkeys(("specular_map", "roughness_map"), (ZERO, "specular is 0"))
         return found

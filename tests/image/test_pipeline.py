@@ -56,7 +56,7 @@ def test_skipping_is_exact(pipeline: Make, sets: tuple[str, ...]) -> None:
         (("skin.surface.bumpiness=0",), {"skin0_slope"}),
         (("skin.surface.reflectance=0",), {"reflection", "environment"}),
         (("skin.surface.specular=0",), {"specular"}),
-        (("render.effects.blur=false",), {"diffused", "diffused_rows", "coverage", "coverage_rows"}),
+        (("render.effects.blur=false",), {"diffused", "diffused_weights"}),
         (("render.effects.occlusion_high=false",), {"occlusion_high", "occlusion_high_samples"}),
         (
             ("render.effects.occlusion_high=false", "render.effects.occlusion_low=false"),
@@ -104,7 +104,7 @@ def test_a_moved_camera_keeps_the_light_in_the_skin(pipeline: Make) -> None:
     made.look_from(camera)
     moved = made.run(["beauty"])["beauty"]
     states = {report.name: report.state for report in made.reports}
-    kept = {"atlas", "irradiance", "diffused", "coverage", "skin0_maps", "skin0_slope", "environment"}
+    kept = {"atlas", "irradiance", "diffused", "diffused_0", "skin0_maps", "skin0_slope", "environment"}
     assert all(states[name] == "reused" for name in kept)
     assert states["view"] == "ran"
     fresh = pipeline("camera.position=[-150, 20, 580]").run(["beauty"])["beauty"]
@@ -322,11 +322,11 @@ def test_highlights_of_any_size_agree_with_their_twin(pipeline: Make, shininess:
     from skincli.passes import specular
 
     made = pipeline(f"skin.surface.shininess={shininess}", "skin.surface.specular=1")
-    refs = [Ref("view", "depth"), Ref("view", "normal"), Ref("specular", "specular")]
+    refs = [*(Ref("view", output) for output in ("depth", "normal", "finish")), Ref("specular", "specular")]
     found = made.graph.run(refs)
-    depth, normal, shine = (read_back(found[ref]).astype(np.float64) for ref in refs)
+    depth, normal, finish, shine = (read_back(found[ref]).astype(np.float64) for ref in refs)
     lights = [draw.values for draw in made.graph.nodes["specular"].draws]
-    expected = specular.twin(lights, depth[..., 0], normal)
+    expected = specular.twin(lights, depth[..., 0], normal, finish)
     assert expected.max() > 1e-4
     # Small highlights cover less than a hundredth of the picture: the brightest pixel is the measure here.
     assert np.abs(shine[..., :3] - expected).max() <= 2e-5 * expected.max()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skincli.errors import LimitError
-from skincli.passes.blur import gaussian_taps, window_taps
+from skincli.passes.blur import window_taps
 
 
 @pytest.mark.parametrize("width", [0, 1, 2, 3, 4.5, 8, 13, 15, 256])
@@ -37,21 +36,3 @@ def test_a_wider_window_blurs_more() -> None:
     spreads = [variance(width) for width in (0, 1, 2, 3, 4, 5, 8, 13, 21)]
     assert spreads[:2] == [0, 0]
     assert np.all(np.diff(spreads[1:]) > 0)
-
-
-def test_a_gaussian_has_its_width_per_channel() -> None:
-    taps = np.array(gaussian_taps([4.0, 2.0, 1.0]))
-    offsets = np.arange(len(taps))[:, None]
-    np.testing.assert_allclose(taps[0] + 2 * taps[1:].sum(axis=0), 1, atol=1e-12)
-    spread = np.sqrt(2 * (taps * offsets**2).sum(axis=0))
-    # Cut off at three deviations, the widest lose 1.3 % of their width.
-    np.testing.assert_allclose(spread, [4.0, 2.0, 1.0, 4.0], rtol=0.02)
-
-
-def test_a_gaussian_that_moves_nothing_is_one_tap() -> None:
-    assert gaussian_taps([0.05, 0.0, 0.0]) == ((1.0, 1.0, 1.0, 1.0),)
-
-
-def test_a_gaussian_wider_than_the_block_is_refused() -> None:
-    with pytest.raises(LimitError, match="spans 600 texels"):
-        gaussian_taps([200.0, 1.0, 1.0])

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from skincli.scene.model import Camera, MeshSource, Render, Scene, check_outputs
+from skincli.scene.skin import Optics
 
 
 def fields(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
@@ -132,3 +133,73 @@ def test_unknown_outputs() -> None:
         "no output has that name; did you mean 'depth'? There are: beauty, depth",
         "no output has that name. There are: beauty, depth",
     ]
+
+
+@pytest.mark.parametrize(
+    ("written", "method", "terms"),
+    [
+        ({}, "lattice", 4),
+        ({"quality": "draft"}, "lattice", 3),
+        ({"quality": "high", "diffusion": "none"}, "none", 6),
+        ({"diffusion": {"method": "screen_space", "terms": 2}}, "screen_space", 2),
+        ({"shading": "paper"}, "paper", 4),
+        ({"effects": {"blur": False}}, "none", 4),
+    ],
+)
+def test_diffusion(written: dict[str, object], method: str, terms: int) -> None:
+    render = Render.model_validate(written)
+    assert (render.diffusion_method, render.diffusion_terms) == (method, terms)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        {"diffusion": "sharp"},
+        {"diffusion": {"terms": 0}},
+        {"diffusion": {"albedo": "never"}},
+        {"shading": "paper", "diffusion": "lattice"},
+        {"shading": "paper", "diffusion": {"albedo": "split"}},
+    ],
+)
+def test_diffusions_refused(written: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        Render.model_validate(written)
+
+
+LAYER = {"sigma_a": [0.1, 0.2, 0.3], "sigma_s": [3.0, 4.0, 5.0], "thickness": 0.5}
+BOTTOM = {"sigma_a": [0.03, 0.1, 0.2], "sigma_s": [1.0, 1.5, 2.0]}
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        {},
+        {"profile": "gaussian", "radius": [2.0, 1.0, 0.5]},
+        {"profile": "dipole", "sigma_a": [0.03, 0.1, 0.2], "sigma_s": [1.0, 1.5, 2.0]},
+        {"profile": "multipole", "layers": [LAYER, LAYER, BOTTOM]},
+        {"profile": "human"},
+        {"profile": "jensen_skin1"},
+        {"profile": "jensen_skin2"},
+    ],
+)
+def test_profiles(written: dict[str, object]) -> None:
+    """Each profile is one, and brings back no more light than there was."""
+    total = Optics.model_validate(written).diffusion_profile().total()
+    assert total.shape == (3,)
+    assert ((total > 0) & (total <= 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ({"profile": "dipole"}, "needs sigma_a and sigma_s"),
+        ({"profile": "multipole"}, "needs layers"),
+        ({"sigma_a": [1.0, 1.0, 1.0]}, "does not read sigma_a"),
+        ({"profile": "human", "ior": 1.3}, "does not read ior"),
+        ({"profile": "multipole", "layers": [BOTTOM, BOTTOM]}, "only the lowest"),
+        ({"profile": "multipole", "layers": [{**LAYER, "thickness": 0.01}]}, "mean free path"),
+    ],
+)
+def test_profiles_refused(written: dict[str, object], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Optics.model_validate(written)

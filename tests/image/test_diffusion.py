@@ -1,0 +1,208 @@
+"""Diffusion: the laws every method keeps, each method against exact sums, and what a picture must not depend on."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from skincli import metrics
+from skincli.bench.scene import load, ring
+from skincli.gpu.textures import read_back
+from skincli.graph.frame_graph import FrameGraph
+from skincli.graph.node import Draw, Load, Ref
+from skincli.mesh.model import Mesh
+from skincli.passes import window
+from skincli.passes.window import Window, WindowValues
+from skincli.pipeline import Pipeline
+from skincli.reference.texels import diffuse_texels
+
+Array = NDArray[np.float64]
+
+SCENE = """
+scene: 1
+mesh: {builtin: head}  # stands in for the ring
+skin:
+  size: 64
+  surface: {bumpiness: 0, specular: 0, reflectance: 0}
+  optics: {color: [0.8, 0.6, 0.5], radius: [3, 2, 1]}
+camera: {position: [60, 210, 330], target: [0, 0, 0], fov: 30}
+ambient: [0, 0, 0]
+lights:
+  - {type: spot, position: [80, 260, 120], direction: [-1, -4, -1], intensity: [0.2, 0.2, 0.2], angle: 22}
+render: {size: [160, 120], supersample: 2, atlas: 160, effects: {occlusion_high: false, occlusion_low: false}}
+"""
+#: the light ends within a few texels: what a wrong width or a seam does shows
+METHODS = ("lattice", "none", "paper", "sum_of_gaussians", "screen_space", "splat", "exact")
+
+
+@functools.cache
+def mesh() -> Mesh:
+    return ring(48, 24)
+
+
+@pytest.fixture(scope="module")
+def render(ctx: object, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., dict[str, Array]]:
+    """Render the scene with settings."""
+    folder = tmp_path_factory.mktemp("diffusion")
+
+    def rendered(method: str, *sets: str, outputs: tuple[str, ...] = ("diffused",), of: Mesh | None = None) -> Any:
+        loaded = load(Path(folder), SCENE, f"render.diffusion.method={method}", *sets)
+        found = Pipeline(loaded, of or mesh(), exact=diffuse_texels).run(outputs, check=True)
+        return {name: array.astype(np.float64) for name, array in found.items()}
+
+    return rendered
+
+
+@pytest.fixture(scope="module")
+def exact(render: Callable[..., dict[str, Array]]) -> dict[str, Array]:
+    found = render("exact", "render.diffusion.terms=6", outputs=("diffused", "irradiance", "atlas_position"))
+    found["covered"] = (found["diffused"] > 0).any(axis=-1)
+    return found
+
+
+CONSTANT = ("lights=[]", "ambient=[0.7, 0.5, 0.3]")
+
+
+OPTICS = ("{}", "{radius: [9, 4, 0.5]}", "{profile: human}", "{color: [0, 1, 0.5]}")
+
+
+@pytest.mark.parametrize(
+    ("method", "optics"),
+    [*(("lattice", optics) for optics in OPTICS), *((method, "{}") for method in METHODS if method != "lattice")],
+)
+def test_constant_light_is_unchanged(render: Callable[..., dict[str, Array]], method: str, optics: str) -> None:
+    found = render(method, *CONSTANT, f"skin.optics={optics}", "render.atlas=96", outputs=("diffuse", "normal"))
+    # Whole pixels of the surface alone: others are mixed with what is behind.
+    inside = np.linalg.norm(found["normal"], axis=-1) > 0.9
+    light = found["diffuse"][inside]
+    if method == "paper":
+        # It darkens at seams, far from them it does not.
+        light = light[light[:, 0] > 0.6999]
+        assert len(light) < 0.9 * inside.sum()
+    assert len(light) > 2000
+    np.testing.assert_allclose(
+        light, np.broadcast_to([0.7, 0.5, 0.3], light.shape), rtol=2e-4 if method == "paper" else 1e-5
+    )
+
+
+def test_a_varying_radius_keeps_constant_light(render: Callable[..., dict[str, Array]]) -> None:
+    layers = "skin.layers=[{fbm: {scale: 20, scattering_radius: [[0.5, 0.2, 0.1], [9, 6, 3]]}}]"
+    found = render("lattice", *CONSTANT, layers, outputs=("diffused", "irradiance"))
+    covered = found["irradiance"][..., 0] > 0
+    np.testing.assert_allclose(found["diffused"][covered], found["irradiance"][covered], rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", [method for method in METHODS if method != "exact"])
+def test_light_adds_up(render: Callable[..., dict[str, Array]], method: str) -> None:
+    one, three = (
+        render(method, f"lights[0].intensity=[{x}, {x}, {x}]", outputs=("diffuse",))["diffuse"] for x in (0.2, 0.6)
+    )
+    np.testing.assert_allclose(three, 3 * one, rtol=2e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("method", "bound"), [("lattice", 0.012), ("sum_of_gaussians", 0.1), ("none", 0.35), ("paper", 0.35)]
+)
+def test_methods_against_exact_sums(
+    render: Callable[..., dict[str, Array]], exact: dict[str, Array], method: str, bound: float
+) -> None:
+    found = render(method, "render.diffusion.terms=6")["diffused"]
+    error = metrics.relative_rmse(found, exact["diffused"], exact["covered"])
+    assert error < bound
+    assert method == "lattice" or error > 0.02
+
+
+@pytest.mark.parametrize(("terms", "bound"), [(3, 0.03), (4, 0.02)])
+def test_fewer_terms_are_near(
+    render: Callable[..., dict[str, Array]], exact: dict[str, Array], terms: int, bound: float
+) -> None:
+    found = render("lattice", f"render.diffusion.terms={terms}")["diffused"]
+    assert metrics.relative_rmse(found, exact["diffused"], exact["covered"]) < bound
+
+
+def test_wider_scattering_map_is_wider_optics(render: Callable[..., dict[str, Array]]) -> None:
+    """The map's radius is the one at the receiving point; a constant map is the optics' own radius."""
+    mapped = render("lattice", "skin.layers=[{color: {scattering_radius: [6, 4, 2]}}]")["diffused"]
+    wide = render("lattice", "skin.optics.radius=[6, 4, 2]")["diffused"]
+    narrow = render("lattice")["diffused"]
+    lit = wide.max(axis=-1) > 0
+    assert metrics.relative_rmse(mapped, wide, lit) < 0.03
+    assert metrics.relative_rmse(narrow, wide, lit) > 0.06
+
+
+def test_albedo_after_before_and_split(render: Callable[..., dict[str, Array]]) -> None:
+    """On skin of one color it makes no difference; where colors change, light carries them on."""
+    color = "skin.layers=[{color: {albedo: [0.7, 0.4, 0.2]}}]"
+    pictures = [
+        render("lattice", color, f"render.diffusion.albedo={where}", outputs=("beauty",))["beauty"]
+        for where in ("after", "before", "split")
+    ]
+    for other in pictures[1:]:
+        np.testing.assert_allclose(other, pictures[0], rtol=2e-4, atol=1e-5)
+    mottled = "skin.layers=[{worley: {scale: 6, albedo: [[0.9, 0.3, 0.2], [0.1, 0.6, 0.4]]}}]"
+    after, before = (
+        render("lattice", mottled, f"render.diffusion.albedo={where}", outputs=("beauty",))["beauty"]
+        for where in ("after", "before")
+    )
+    assert np.abs(np.diff(before[..., 0], axis=1)).mean() < 0.8 * np.abs(np.diff(after[..., 0], axis=1)).mean()
+
+
+LAYOUTS: Mapping[str, Callable[[Array], Array]] = {
+    "mirrored": lambda uv: np.stack([1 - uv[:, 0], uv[:, 1]], axis=1),
+    "turned": lambda uv: np.stack([uv[:, 1], 1 - uv[:, 0]], axis=1),
+    "sheared": lambda uv: np.stack([0.7 * uv[:, 0] + 0.25 * uv[:, 1], 0.9 * uv[:, 1] + 0.05], axis=1),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_picture_does_not_depend_on_the_layout(render: Callable[..., dict[str, Array]], layout: str) -> None:
+    other = replace(mesh(), atlas_uv=LAYOUTS[layout](mesh().atlas_uv))
+    first, second = (
+        render("lattice", "render.atlas=512", outputs=("beauty",), of=one)["beauty"] for one in (mesh(), other)
+    )
+    assert metrics.flip(second[..., :3], first[..., :3])[0] < 0.01
+
+
+def test_a_picture_does_not_depend_on_the_atlas(render: Callable[..., dict[str, Array]]) -> None:
+    first, second = (render("lattice", f"render.atlas={side}", outputs=("beauty",))["beauty"] for side in (512, 1024))
+    assert metrics.flip(second[..., :3], first[..., :3])[0] < 0.01
+
+
+def test_a_picture_does_not_depend_on_the_triangles(render: Callable[..., dict[str, Array]]) -> None:
+    first, second = (render("lattice", outputs=("beauty",), of=one)["beauty"] for one in (ring(96, 48), ring(192, 96)))
+    assert metrics.flip(second[..., :3], first[..., :3])[0] < 0.01
+
+
+@pytest.mark.parametrize("method", ["screen_space", "splat"])
+def test_methods_in_the_picture_are_near(render: Callable[..., dict[str, Array]], method: str) -> None:
+    none, ours, found = (render(name, outputs=("diffuse",))["diffuse"] for name in ("none", "lattice", method))
+    error = metrics.relative_rmse(found, ours)
+    assert error < 0.12
+    assert error < 0.7 * metrics.relative_rmse(none, ours)
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_window_matches_its_twin(ctx: object, factor: int) -> None:
+    random = np.random.default_rng(2)
+    side = 24
+    rows, columns = np.indices((side, side))
+    position = np.stack([columns + 0.3 * rows, rows, np.sin(columns), random.random((side, side)) < 0.9], axis=-1)
+    inputs = {"position": position * 0.4}
+    inputs["position"][..., 3] = position[..., 3]
+    blocks = side // factor
+    inputs["light"] = random.random((blocks, blocks, 4))
+    inputs["place"] = np.ascontiguousarray(inputs["position"][::factor, ::factor])
+    inputs = {name: array.astype(np.float32).astype(np.float64) for name, array in inputs.items()}
+    values = WindowValues(factor, 4, 0.5)
+    loads = [Load(name, f"{name}{factor}", functools.partial(list, [array])) for name, array in inputs.items()]
+    node = Window("window", (side, side), [Draw(values)], {name: Ref(name, "image") for name in inputs})
+    ref = Ref("window", "windowed")
+    found = read_back(FrameGraph([*loads, node]).run([ref])[ref])
+    np.testing.assert_allclose(found, window.twin(values, **inputs), atol=2e-6)

@@ -1,0 +1,189 @@
+"""The surface lattice against exact sums over the same texels, and the laws its tables keep. No GL."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skincli.mesh import lattice, surface
+from skincli.mesh.model import Mesh, Part
+from skincli.mesh.texels import Texels, atlas_texels
+from skincli.passes.lattice import Term, twin
+
+SIZE = 64
+
+
+def wavy(side: float = 20.0, height: float = 1.5, cells: int = 24, turn: float = 0.4) -> Mesh:
+    """Return a wavy, tilted square sheet, `side` mm wide, whose two UV charts meet in a seam across its middle."""
+    v, u = np.mgrid[0 : cells + 1, 0 : cells + 1] / cells
+    x, y = (u - 0.5) * side, (v - 0.5) * side
+    z = height * np.sin(2 * np.pi * u) * np.cos(np.pi * v)
+    positions = np.stack([x, np.cos(turn) * y - np.sin(turn) * z, np.sin(turn) * y + np.cos(turn) * z], axis=-1)
+    grid = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    a, b, c, d = (part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    points = positions.reshape(-1, 3)
+    flat = np.stack([u, v], axis=-1).reshape(-1, 2)
+    right = flat[faces].mean(axis=1)[:, 0] > 0.5
+    # The right half is a chart of its own, turned upside down and stretched.
+    other = np.stack([0.96 - 0.44 * (flat[:, 0] - 0.5) * 2, 0.95 - 0.6 * flat[:, 1]], axis=1)
+    uv = np.concatenate([flat * [0.9, 0.9] + 0.03, other])
+    faces = np.where(right[:, None], faces + len(points), faces)
+    points = np.tile(points, (2, 1))
+    normals = surface.angle_weighted_normals(points[: len(flat)], faces % len(flat))
+    faces32 = faces.astype(np.int32)
+    return Mesh(points, np.tile(normals, (2, 1)), uv, uv, faces32, (Part("sheet", 0, len(faces)),))
+
+
+def images(texels: Texels, values: np.ndarray, size: int = SIZE) -> SimpleNamespace:
+    """Return image, normal and area of texels as pictures, top row first."""
+    image, normal, area = np.zeros((size * size, 3)), np.zeros((size * size, 3)), np.zeros(size * size)
+    image[texels.index], normal[texels.index], area[texels.index] = values, texels.normals, texels.areas
+    return SimpleNamespace(
+        image=image.reshape(size, size, 3)[::-1],
+        normal=normal.reshape(size, size, 3)[::-1],
+        area=area.reshape(size, size)[::-1],
+    )
+
+
+def tables(texels: Texels, sigma: float, size: int = SIZE, **options: Any) -> lattice.LatticeTables:
+    return lattice.tables(texels.positions, texels.normals, texels.areas, texels.index, size, sigma, **options)
+
+
+def diffused(texels: Texels, values: np.ndarray, sigma: float, size: int = SIZE) -> np.ndarray:
+    """Return the twin's (n, 3) answer at the texels."""
+    term = Term("", tables(texels, sigma, size), (1.0, 1.0, 1.0))
+    given = images(texels, values, size)
+    result = twin([term], given.image, given.normal, given.area)[::-1].reshape(-1, 4)[texels.index]
+    assert np.array_equal(result[:, 3], np.ones(len(result)))
+    return result[:, :3]
+
+
+def exact(texels: Texels, values: np.ndarray, sigma: float) -> np.ndarray:
+    """Return the (n, 3) sums over all texels, weighted by area, Gaussian distance and (1 + n . n') / 2."""
+    squared = np.sum((texels.positions[:, None] - texels.positions) ** 2, axis=-1)
+    weights = np.exp(squared / (-2 * sigma**2)) * (1 + texels.normals @ texels.normals.T) / 2 * texels.areas
+    return np.asarray(weights @ values / weights.sum(axis=1, keepdims=True))
+
+
+def checker(texels: Texels) -> np.ndarray:
+    shade = np.floor(texels.positions / 7 + 0.31).astype(int).sum(axis=1) % 2
+    return np.stack([shade, 0.2 + texels.normals[:, 0] ** 2, 1.0 - 0.5 * shade], axis=1)
+
+
+@pytest.fixture(scope="module")
+def sheet() -> Texels:
+    return atlas_texels(wavy(), SIZE, gutter=1)
+
+
+def test_tetrahedra_hold_their_points() -> None:
+    points = np.random.default_rng(3).uniform(-40, 40, (500, 3))
+    corner, place, code = lattice.tetrahedra(points, 1.7)
+    nodes, weights = lattice.coordinates(corner), lattice.tetrahedron_weights(place)
+    assert np.all(nodes % 2 == nodes[..., :1] % 2)
+    assert weights.min() >= 0
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(np.einsum("nk,nkd->nd", weights, nodes) * 0.85, points, atol=1e-9)
+    offset, again = lattice.unpacked_place(code, place)
+    np.testing.assert_allclose(offset, points[:, None] / 0.85 - nodes, atol=1e-9)
+    assert np.array_equal(again, weights)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.1, 1.2, 1.3])
+@pytest.mark.parametrize("gradients", [True, False])
+def test_taps_leave_the_gaussian_its_variance(ratio: float, gradients: bool) -> None:
+    middle, near, far = lattice.taps(ratio, gradients)
+    assert middle + 2 * near + 2 * far == pytest.approx(1, abs=1e-12)
+    # Splat, and slice where it is linear, blur by a twelfth of the squared lattice constant each.
+    left = 1 / ratio**2 - (1 if gradients else 2) / 12
+    assert 2 * near + 8 * far == pytest.approx(left, rel=0.06)
+
+
+def test_words_survive_as_normal_floats() -> None:
+    words = np.array([0, 1, 2**22 - 1, 2**29, 2**30 - 1], dtype=np.uint32)
+    floats = lattice._as_float(words)
+    assert np.all(np.abs(floats) > np.finfo(np.float32).tiny)
+    assert np.all(np.isfinite(floats))
+    assert np.array_equal(lattice.as_words(floats), words)
+
+
+def test_constant_light_stays(sheet: Texels) -> None:
+    values = np.tile([0.7, 1.0, 3.0], (len(sheet.index), 1))
+    np.testing.assert_allclose(diffused(sheet, values, 1.2), values, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [0.75, 1.41, 2.72])
+def test_agrees_with_the_exact_sum_across_a_seam(sheet: Texels, sigma: float) -> None:
+    values = checker(sheet)
+    wanted = exact(sheet, values, sigma)
+    error = (diffused(sheet, values, sigma) - wanted) / np.sqrt(np.mean(wanted**2, axis=0))
+    assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.01
+
+
+def test_opposed_sheets_keep_their_light_apart() -> None:
+    low = wavy(height=0.0)
+    back = replace(low, positions=low.positions - 1.0 * low.normals, faces=low.faces[:, ::-1], normals=-low.normals)
+    both = Mesh(
+        np.concatenate([low.positions, back.positions]),
+        np.concatenate([low.normals, back.normals]),
+        np.tile(low.uv, (2, 1)),
+        np.concatenate([low.atlas_uv * [1, 0.49], back.atlas_uv * [1, 0.49] + [0, 0.5]]),
+        np.concatenate([low.faces, back.faces + len(low.positions)]),
+        (Part("both", 0, 2 * len(low.faces)),),
+    )
+    texels = atlas_texels(both, SIZE)
+    front = texels.normals @ low.normals[0] > 0
+    result = diffused(texels, np.repeat(front[:, None], 3, axis=1).astype(float), 1.5)
+    np.testing.assert_allclose(result[front], 1, atol=1e-9)
+    np.testing.assert_allclose(result[~front], 0, atol=1e-9)
+
+
+def test_another_atlas_gives_the_same_light() -> None:
+    mesh = wavy()
+    turned = replace(mesh, atlas_uv=np.stack([1 - mesh.atlas_uv[:, 1], mesh.atlas_uv[:, 0]], axis=1) * 0.8 + 0.1)
+    answers = []
+    for one in (mesh, turned):
+        texels = atlas_texels(one, 2 * SIZE)
+        shade = 0.5 + 0.5 * np.sin(texels.positions[:, :1] / 2)
+        light = diffused(texels, np.repeat(shade, 3, axis=1), 1.41, 2 * SIZE)[:, 0]
+        cells = np.floor(texels.positions / 1.0).astype(int) @ [1, 1000, 1000000]
+        cells, inverse = np.unique(cells, return_inverse=True)
+        area = np.bincount(inverse, texels.areas)
+        large = area > 0.8
+        means = np.bincount(inverse, light * texels.areas) / area
+        answers.append(dict(zip(cells[large], means[large], strict=True)))
+    shared = answers[0].keys() & answers[1].keys()
+    assert len(shared) > 50
+    assert np.median([abs(answers[0][cell] - answers[1][cell]) for cell in shared]) < 0.01
+
+
+def test_tables_come_back_from_arrays(sheet: Texels) -> None:
+    made = tables(sheet, 1.0)
+    again = lattice.unpack(lattice.pack(made))
+    assert made.nbytes == again.nbytes
+    assert made.whole.level == again.whole.level
+    assert (made.ratio, made.nodes, made.texel_bits) == (again.ratio, again.nodes, again.texel_bits)
+    assert np.array_equal(made.slices, again.slices)
+
+
+def test_texels_follow_coverage_and_area() -> None:
+    mesh = wavy()
+    texels = atlas_texels(mesh, 256)
+    covered = surface.coverage(mesh.atlas_uv, mesh.faces, 256) > 0
+    assert np.array_equal(texels.index, np.flatnonzero(covered))
+    assert texels.areas.sum() == pytest.approx(surface.face_areas(mesh).sum(), rel=0.02)
+    np.testing.assert_allclose(np.linalg.norm(texels.normals, axis=1), 1, atol=1e-12)
+
+
+def test_a_gutter_continues_the_surface_without_area() -> None:
+    flat = wavy(height=0.0)
+    bare, wide = atlas_texels(flat, SIZE), atlas_texels(flat, SIZE, gutter=2)
+    assert set(bare.index) < set(wide.index)
+    inside = np.isin(wide.index, bare.index)
+    assert np.all((wide.areas > 0) == inside)
+    assert np.array_equal(wide.positions[inside], bare.positions)
+    np.testing.assert_allclose(wide.positions @ flat.normals[0], flat.positions[0] @ flat.normals[0], atol=1e-9)
