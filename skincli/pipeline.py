@@ -122,6 +122,9 @@ OUTPUTS: Mapping[str, OutputKind] = {
     "diffused": OutputKind(Ref("diffused", "blurred"), "atlas", 3, True, "the same after diffusion"),
 }
 
+#: the outputs that need light to be diffused: its tables are not made where nobody asks for one of them
+DIFFUSED = frozenset({"beauty", "diffuse", "diffused"})
+
 #: the picture as a display shows it; PNG files are made of it
 DISPLAYED = Ref("display", "displayed")
 
@@ -296,9 +299,10 @@ class Pipeline:
         self.geometry = Geometry(mesh, bake(mesh) if baked else None)
         render = self.scene.render
         self.paper = render.shading == "paper"
-        self.method = render.diffusion_method
+        diffuses = not skip or not DIFFUSED.isdisjoint(self.scene.outputs)
+        self.method = render.diffusion_method if diffuses else "none"
         self._exact = exact
-        if self.method == "exact" and exact is None:
+        if render.diffusion_method == "exact" and exact is None:
             raise InputError(
                 loaded.fault("render.diffusion", "the exact diffusion is for single pictures; choose lattice")
             )
@@ -313,8 +317,10 @@ class Pipeline:
 
     def _require_memory(self) -> None:
         """Refuse a scene whose textures software GL would have to swap for."""
-        # At most about six float32 targets of the atlas and ten of the picture live at once, and all maps of a skin.
-        texels = 6 * self.atlas_size[0] * self.atlas_size[1] + 10 * self.size[0] * self.size[1]
+        # At most about six float32 targets of the atlas, two and their tables per Gaussian, and ten of the picture live
+        # at once, and all maps of a skin.
+        targets = 6 + 3 * len(self._widths)
+        texels = targets * self.atlas_size[0] * self.atlas_size[1] + 10 * self.size[0] * self.size[1]
         maps = sum(look.skin.size**2 for look in self.looks if look.skin is not None)
         found = beyond_memory(16 * texels + MAP_BYTES * maps)
         if found is not None:
@@ -339,6 +345,10 @@ class Pipeline:
         -------
         (h, w, channels) float32 by name, top row first; beauty is premultiplied
         """
+        if self.method != self.scene.render.diffusion_method and (display or not DIFFUSED.isdisjoint(outputs)):
+            self.method = self.scene.render.diffusion_method
+            self.__dict__.pop("_widths", None)
+            self.graph = FrameGraph(self._nodes(), self.graph.store, self._skip)
         targets = {name: OUTPUTS[name].source for name in outputs}
         if display:
             targets["display"] = DISPLAYED
@@ -399,7 +409,7 @@ class Pipeline:
         view = {"depth": Ref("view", "depth"), "normal": Ref("view", "normal")}
         per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
         nodes.append(View("view", self.size, per_part, geometry=self.geometry))
-        nodes += self._diffusion(maps)
+        nodes += self._diffusion()
         for band in ("high", "low"):
             name = f"occlusion_{band}"
             nodes.append(OcclusionBand(f"{name}_samples", self.size, draws_of(values[f"{name}_samples"]), view))
@@ -492,7 +502,7 @@ class Pipeline:
             IrradianceValues(**asdict(light), samples=samples, response=response) for light in (ambient, *self._lights)
         ]
 
-    def _diffusion(self, maps: Sequence[Mapping[str, Source]]) -> list[Node]:
+    def _diffusion(self) -> list[Node]:
         """How light spreads below the surface: a sum of Gaussians, each a level, or the paper's blur."""
         image, position, size = Ref("incoming", "absorbed"), Ref("atlas", "position"), self.atlas_size
         if self.method == "paper":

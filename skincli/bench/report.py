@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from skincli import images
+from skincli.bench import html
+from skincli.bench.fronts import STAGE_TITLES, Found, Shown
+from skincli.bench.generator import AIM
 from skincli.bench.stages import DEPTH_RMS, DEPTH_SHARE, FULL_TOLERANCE, StageError
+from skincli.bench.stress import Outcome
 from skincli.errors import OutputError
 from skincli.render import report_document
 
@@ -17,7 +22,14 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def document(
-    stages: Sequence[StageError] = (), frames: Mapping[str, Any] | None = None, nodes: Rows = (), paper: Rows = ()
+    stages: Sequence[StageError] = (),
+    frames: Mapping[str, Any] | None = None,
+    nodes: Rows = (),
+    paper: Rows = (),
+    layers: Rows = (),
+    presets: Rows = (),
+    stress: Sequence[Outcome] = (),
+    sweep: Found | None = None,
 ) -> dict[str, Any]:
     """Return the JSON document; what was not measured is empty."""
     machine = report_document([])
@@ -28,11 +40,20 @@ def document(
         "nodes": list(nodes),
         "frames": dict(frames or {}),
         "paper": list(paper),
+        "layers": list(layers),
+        "presets": list(presets),
+        "stress": [outcome.entry() for outcome in stress],
+        "sweep": None if sweep is None else sweep.entry(),
     }
 
 
-def write(folder: Path, found: Mapping[str, Any]) -> None:
-    """Write bench.json and bench.txt into a folder, which is made where it is missing.
+def write(folder: Path, found: Mapping[str, Any], shown: Mapping[str, Shown] | None = None) -> None:
+    """Write bench.json, bench.txt and bench.html into a folder, which is made where it is missing.
+
+    Parameters
+    ----------
+    found : the document
+    shown : pictures of the sweep, for the page
 
     Raises
     ------
@@ -44,6 +65,7 @@ def write(folder: Path, found: Mapping[str, Any]) -> None:
         raise OutputError(f"-o {folder}: {problem.strerror}; name a folder that can be made or written") from None
     images.write_text(folder / "bench.json", as_json(found))
     images.write_text(folder / "bench.txt", as_text(found) + "\n")
+    images.write_text(folder / "bench.html", html.page(found, shown or {}, as_text({**found, "sweep": None})))
 
 
 def as_json(found: Mapping[str, Any]) -> str:
@@ -60,8 +82,14 @@ def as_text(found: Mapping[str, Any]) -> str:
         parts.append(_stages(found["stages"]))
     if found["frames"]:
         parts += [_frames(found["frames"]), _nodes(found["nodes"])]
+    if found["presets"]:
+        parts += [_presets(found["presets"]), _layers(found["layers"])]
     if found["paper"]:
         parts.append(_paper(found["paper"]))
+    if found["stress"]:
+        parts.append(_stress(found["stress"]))
+    if found["sweep"]:
+        parts += _sweep(found["sweep"])
     return "\n\n".join(parts)
 
 
@@ -126,6 +154,26 @@ def _nodes(nodes: Rows) -> str:
     return f"{title}\n{table(rows, text=1)}"
 
 
+def _presets(presets: Rows) -> str:
+    rows = [("preset", "layers", "ms", "floor ms", "to floor", "ms/Mtexel")]
+    for row in presets:
+        times = (_range(row["ms"]), _range(row["floor"]), f"{row['to_floor']:.1f}", f"{row['ms_per_megatexel']:.0f}")
+        rows.append((row["preset"], f"{row['layers']}", *times))
+    side = presets[0]["side"]
+    title = (
+        f"Maps of the presets, {side} x {side} texels: albedo, height, reflectance\n"
+        f"floor: the same targets written with a constant; aim: at most {AIM} times that"
+    )
+    return f"{title}\n{table(rows, text=1)}"
+
+
+def _layers(layers: Rows) -> str:
+    rows = [("layer", "as in", "ms/Mtexel", "twin, times slower")]
+    for row in layers:
+        rows.append((row["layer"], row["preset"], _range(row["ms_per_megatexel"]), f"{row['twin_ratio']:.0f}"))
+    return f"Layers, each alone as it stands in the preset that shows it first\n{table(rows, text=2)}"
+
+
 def _range(times: Mapping[str, Any] | None) -> str:
     return "" if times is None else f"{times['median']:.1f} ({times['low']:.1f} to {times['high']:.1f})"
 
@@ -167,6 +215,95 @@ def _paper(paper: Rows) -> str:
         f"{count} frames each"
     )
     return f"{title}\n{table(rows, text=0)}"
+
+
+def _stress(stress: Rows) -> str:
+    rows = [("varies", "to", "", "node", "not finite", "error", "unlike", "ms")]
+    for case in stress:
+        measured = f"{case['error']:.3f}" if case["node"] else ""
+        unlike = "" if case["unlike"] is None else f"{case['unlike']:.3f}"
+        start = (case["group"], case["case"], case["verdict"], case["node"])
+        rows.append((*start, f"{case['nonfinite']}", measured, unlike, f"{case['ms']:.0f}"))
+    count = Counter(case["verdict"] for case in stress)
+    title = (
+        "Numerical stability: " + ", ".join(f"{number} {verdict}" for verdict, number in count.items()) + "\n"
+        "error: of the node farthest from its float64 twin; unlike: from the picture it has to repeat; 1 is allowed"
+    )
+    return f"{title}\n{table(rows, text=4)}"
+
+
+def _sweep(sweep: Mapping[str, Any]) -> list[str]:
+    parts = []
+    for stage, title in STAGE_TITLES.items():
+        points = [point for point in sweep["points"] if point["stage"] == stage]
+        note = sweep["notes"].get(stage)
+        if note is not None:
+            parts.append(f"{title}: {note}" + (f"\n{_points(points)}" if points else ""))
+    parts.append(_levels(sweep["levels"]))
+    chosen = sweep["chosen"]
+    if chosen is not None:
+        sets = " ".join(f"--set '{setting}'" for setting in chosen["sets"])
+        errors, ms = chosen["errors"], chosen["ms"]
+        parts.append(
+            f"--max-error {chosen['max_error']:g}: the cheapest point is {chosen['point']}; rendered anew its relative "
+            f"RMSE is {errors['relative_rmse']:.4f}, at {ms['median']:.1f} ms a frame\nskincli render ... {sets}"
+        )
+    return parts
+
+
+def _points(points: Rows) -> str:
+    title = (
+        "",
+        "point",
+        "ms",
+        "to paper",
+        "rel. RMSE",
+        "p99",
+        "maximum",
+        "FLIP",
+        "energy",
+        "not finite",
+        "filter",
+        "atlas",
+    )
+    rows = [title]
+    for point in points:
+        errors = point["errors"]
+        parted = ("" if point[which] is None else f"{point[which]:.4f}" for which in ("filter_error", "sampling_error"))
+        rows.append(
+            (
+                "*" if point["front"] else "",
+                point["name"],
+                _range(point["ms"]) if point["ms"]["count"] > 1 else f"{point['ms']['median']:.1f}",
+                f"{point['to_paper']:.3f}",
+                f"{errors['relative_rmse']:.4f}",
+                f"{errors['p99']:.4f}",
+                f"{errors['maximum']:.3f}",
+                "" if errors["flip"] is None else f"{errors['flip']:.4f}",
+                f"{errors['energy_drift']:+.2%}",
+                f"{errors['nonfinite']}",
+                *parted,
+            )
+        )
+    return "* on the Pareto front; filter, atlas: relative RMSE by the method and by its atlas alone\n" + table(rows, 2)
+
+
+def _levels(levels: Rows) -> str:
+    rows = [("quality", "atlas", "Gaussians", "ms", "rel. RMSE", "on the front", "faster and as near")]
+    for level in levels:
+        known = level["point"] is not None
+        rows.append(
+            (
+                level["level"],
+                f"{level['atlas']}",
+                f"{level['terms']}",
+                f"{level['ms']:.1f}" if known else "not swept",
+                f"{level['relative_rmse']:.4f}" if known else "",
+                ("yes" if level["front"] else "no") if known else "",
+                level["better"] or "",
+            )
+        )
+    return f"Quality levels, at one sample a pixel\n{table(rows, text=1)}"
 
 
 def table(rows: Sequence[Sequence[str]], text: int) -> str:

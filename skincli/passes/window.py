@@ -15,7 +15,7 @@ from skincli.gpu.blocks import Values
 from skincli.graph.node import Draw, Input, Output, Pass, Ref, Source
 
 #: standard deviations that a Gaussian needs to have in samples, and that a window spans on each side
-LEAST_SAMPLES, KEPT_SIGMAS = 1.5, 3.0
+LEAST_SAMPLES, KEPT_SIGMAS = 1.5, 2.5
 
 
 @dataclass(frozen=True)

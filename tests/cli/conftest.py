@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from skincli import images
 from skincli.cli import root
+from skincli.graph.store import Store
 
 SCENE = """\
 scene: 1
@@ -51,3 +53,19 @@ def skincli() -> Callable[..., Result]:
         return CliRunner().invoke(root, [str(argument) for argument in arguments])
 
     return run
+
+
+@pytest.fixture(autouse=True)
+def memory_is_freed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let go of what the frames of a test remember: textures outlive their Python objects."""
+    made: list[Store] = []
+    genuine = Store.__init__
+
+    def remembered(store: Store, *arguments: Any, **options: Any) -> None:
+        genuine(store, *arguments, **options)
+        made.append(store)
+
+    monkeypatch.setattr(Store, "__init__", remembered)
+    yield
+    for store in made:
+        store.clear()

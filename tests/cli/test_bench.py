@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from skincli.bench import report, stages, timing
+from skincli.bench import fronts, generator, report, stages, timing
 from skincli.bench.scene import ring
 from skincli.bench.stages import STAGES, compare_stages
 from skincli.cli import root
@@ -45,11 +45,11 @@ FAULTS = [
     ("lib/light.glsl", "falloff *= x * x * (3.0 - 2.0 * x)", "falloff *= x", "paper", {"lighting", "specular"}),
     ("lib/light.glsl", "/ distance2;", "/ (1000.0 * sqrt(distance2));", "paper", {"lighting", "specular"}),
     ("passes/blur.frag", "k <= p.radius", "k < p.radius", "paper", {"blur"}),
-    ("passes/blur.frag", "sum.rgb / share", "sum.rgb", "physical", {"blur"}),
-    ("passes/blur.frag", "p.slot > 0 &&", "p.slot > 9 &&", "physical", {"blur"}),
+    ("passes/blur.frag", "sum.rgb / sum.a", "sum.rgb", "paper", {"blur"}),
+    ("passes/blur.frag", "p.slot > 0 &&", "p.slot > 9 &&", "paper", {"blur"}),
     ("passes/occlusion_band.frag", "k < p.count;", "k < p.count - 1;", "paper", {"occlusion band"}),
     ("passes/occlusion_band.frag", "+ o.z * n", "- o.z * n", "paper", {"occlusion band"}),
-    ("passes/occlusion_band.frag", "seen < Q.z - bias", "seen < Q.z", "paper", {"occlusion band"}),
+    ("passes/occlusion_band.frag", "z - seen > bias - p", "z - seen > -p", "paper", {"occlusion band"}),
     (
         "passes/occlusion.frag",
         "p.a * log2(max(high, 1e-30)) + p.b * log2(max(low, 1e-30))",
@@ -61,8 +61,11 @@ FAULTS = [
     ("passes/reflection.frag", "atan(R.x, -R.z)", "atan(R.x, R.z)", "paper", {"reflection"}),
     ("passes/reflection.frag", "2.0 * turned", "turned", "paper", {"reflection"}),
     ("passes/reflection.frag", "p.damping)", "0.0)", "paper", {"reflection"}),
+    ("passes/absorb.frag", "vec3(1.0)", "vec3(0.9)", "physical", {"absorption"}),
+    ("passes/combine.frag", "weight * value", "value", "physical", {"sum of Gaussians"}),
+    ("passes/lattice_slice.frag", "(M + m)", "(M - m)", "physical", {"lattice"}),
     ("passes/compose.frag", "p.tint_highlights)", "1.0 - p.tint_highlights)", "physical", {"Equation 2"}),
-    ("passes/compose.frag", "left_skin * open * color", "left_skin * color", "paper", {"Equation 2"}),
+    ("passes/compose.frag", "left_skin * open * way_out", "left_skin * way_out", "paper", {"Equation 2"}),
     ("passes/display.frag", " * p.gain", "", "paper", {"display"}),
 ]
 
@@ -87,7 +90,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         return ring(16, 8)
 
     plain = "{layers: [{color: {albedo: [0.6, 0.4, 0.3]}}]}"
-    monkeypatch.setattr(timing, "load_scene_mesh", load_scene_mesh)
+    for module in (timing, fronts):
+        monkeypatch.setattr(module, "load_scene_mesh", load_scene_mesh)
+    monkeypatch.setattr(fronts, "METHODS", ("none", "paper"))
     monkeypatch.setattr(
         timing, "TIMED_SETS", ("skin.size=32", f"skin={plain}", "render.size=[64, 48]", "render.atlas=64")
     )
@@ -97,6 +102,12 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "PAPER_SCENE", timing.PAPER_SCENE.replace("octopus", plain))
     for name in ("ROUNDS", "PAPER_ROUNDS"):
         monkeypatch.setattr(timing, name, 2)
+    monkeypatch.setattr(fronts, "load_scene_mesh", load_scene_mesh)
+    monkeypatch.setattr(fronts, "grid", lambda _: [("none", {"atlas": 64})])
+    monkeypatch.setattr(fronts, "ATLAS_OF_QUALITY", {"draft": 64, "standard": 128, "high": 256})
+    monkeypatch.setattr(fronts, "TRACED_POINTS", 100)
+    for name, side in (("LAYER_SIDE", 16), ("PRESET_SIDE", 32), ("TWIN_SIDE", 8)):
+        monkeypatch.setattr(generator, name, side)
 
 
 @pytest.mark.usefixtures("ctx", "small")
@@ -116,7 +127,6 @@ def test_the_report_is_complete(tmp_path: Path) -> None:
     assert nodes["diffused"]["warm"] is None
     assert nodes["diffused"]["cold_ms"] > 0
     assert nodes["view"]["warm"]["low"] <= nodes["view"]["warm"]["median"] <= nodes["view"]["warm"]["high"]
-    assert nodes["coverage"]["paper"] is None
     assert found["paper"] == []
     written = tmp_path / "made" / "here"
     assert json.loads((written / "bench.json").read_text("utf-8")) == found
