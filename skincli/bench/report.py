@@ -142,7 +142,7 @@ def _nodes(nodes: Rows) -> str:
                 _range(node["all"]),
                 _range(node["paper"]),
                 f"{node['megatexels']:.2f}",
-                f"{every / node['megatexels']:.0f}",
+                f"{every / node['megatexels']:.0f}" if node["megatexels"] else "",  # tables of a few texels
                 f"{node['least_bytes'] / 1e6:.1f}",
                 f"{node['least_bytes'] / 1e6 / every:.2f}",
             )

@@ -105,7 +105,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fronts, "load_scene_mesh", load_scene_mesh)
     monkeypatch.setattr(fronts, "grid", lambda _: [("none", {"atlas": 64})])
     monkeypatch.setattr(fronts, "ATLAS_OF_QUALITY", {"draft": 64, "standard": 128, "high": 256})
-    monkeypatch.setattr(fronts, "TRACED_POINTS", 100)
+    for stage in ("_occlusion", "_supersampling"):
+        monkeypatch.setattr(fronts.Sweep, stage, lambda _: [])
     for name, side in (("LAYER_SIDE", 16), ("PRESET_SIDE", 32), ("TWIN_SIDE", 8)):
         monkeypatch.setattr(generator, name, side)
 
