@@ -5,9 +5,9 @@
 
 // As the twin in skincli/layers/image.py has them.
 const float IMAGE_SNAP = 1.0 / 256.0;
-const float IMAGE_WIDEST = 4.0;
+const float IMAGE_WIDEST = 8.0;
 const float IMAGE_WIDEST_PLACE = 2.0;
-const int IMAGE_PLACES = 2;
+const int IMAGE_PLACES = 4;
 
 // What is laid by uv lies on a flat square.
 Site image_ground(image_values p, Site site) {

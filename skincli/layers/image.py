@@ -24,10 +24,10 @@ PATCH = 1 / (2 * math.sqrt(3))
 #: 16384 texels are not more exact, and so a map's texels that lie on the picture's become these, to the bit.
 SNAP = 1 / 256
 #: Texels of the picture that are averaged for one of the map, along a side; for more, a coarser level of detail is.
-WIDEST = 4.0
+WIDEST = 8.0
 #: Likewise for each place of a texel for which a picture is synthesized, and places along its side, at most.
 WIDEST_PLACE = 2.0
-PLACES = 2
+PLACES = 4
 
 
 class Role(IntEnum):
