@@ -4,7 +4,7 @@
 #include "lib/site.glsl"
 
 // Places along a side of a texel that is large for the noise, at most.
-const int NOISE_PLACES = 16;
+const int NOISE_PLACES = 8;
 
 float noise_point(noise_values p, vec3 position, float footprint) {
     vec3 x = position / p.scale;

@@ -4,7 +4,7 @@
 #include "lib/site.glsl"
 
 // Places along a side of a texel that is large for the cells, at most.
-const int WORLEY_PLACES = 16;
+const int WORLEY_PLACES = 8;
 
 // Size of what still shows in single places, in cells: where these are a cell apart they all fall on like places.
 const float WORLEY_CALM = 0.7;

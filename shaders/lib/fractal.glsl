@@ -30,7 +30,7 @@ struct Fractal {
 const float FRACTAL_LEAST = 0.01;
 
 // Places along a side of a texel that is large for the pattern, at most.
-const int FRACTAL_PLACES = 16;
+const int FRACTAL_PLACES = 8;
 
 // Three deviations of gradient noise become 1.
 const float FRACTAL_STRETCH = 1.745;

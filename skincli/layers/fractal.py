@@ -32,7 +32,7 @@ STRETCH = 1.745
 #: An octave whose part of a texel's mean is less is not evaluated; FRACTAL_LEAST in the shader.
 LEAST = 0.01
 #: Places along a side of a texel that is large for the pattern, at most; FRACTAL_PLACES in the shader.
-PLACES = 16
+PLACES = 8
 
 Kind = Literal["fbm", "ridged", "billow", "turbulence"]
 
