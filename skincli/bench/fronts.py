@@ -408,9 +408,12 @@ class Sweep:
         found.points = [replace(point, to_paper=round(point.ms.median / paper, 4)) for point in found.points]
         pictures = [point for point in found.points if point.stage == "picture"]
         found.levels = levels_of_quality(pictures)
+        # What follows is rendered anew, and needs the memory.
+        self.store.clear()
+        if self._paper is not None:
+            self._paper.graph.store.clear()
         if max_error is not None:
             found.chosen = self._verified(reference, cheapest(pictures, max_error), max_error)
-        self.store.clear()
         return found
 
     def _measure(self, reference: Reference, method: str, settings: Settings) -> tuple[Point, Point | None, Shown]:
@@ -444,10 +447,10 @@ class Sweep:
 
     def _supersampling(self) -> list[Point]:
         """Sweep the samples a pixel; the atlas keeps its light."""
-        draft = f"render.atlas={ATLAS_OF_QUALITY['draft'] // 2}"
+        draft = _sets("lattice", {"atlas": ATLAS_OF_QUALITY["draft"] // 2, "terms": TERMS_OF_QUALITY["draft"]})
 
         def rendered(samples: int) -> tuple[Pipeline, dict[str, NDArray[np.float32]]]:
-            pipeline = self.pipeline(draft, f"render.supersample={samples}")
+            pipeline = self.pipeline(*draft, f"render.supersample={samples}")
             return pipeline, pipeline.run(["beauty", "depth"])
 
         best = rendered(4)[1]
@@ -524,12 +527,20 @@ class Reference:
             raise SkincliError("the camera sees nothing of the mesh, so there is no picture to measure; turn it")
         self.part = _part(self.mask, PART_PIXELS)
         self._uv = uv[..., 2:]
-        self.beauty, self.display = self._rendered(self._exact(finest, self.mask))
-        self._atlas: dict[int, tuple[Array, Array, NDArray[np.bool_]]] = {}
+        exact = self._exact(finest, self.mask)
+        self.beauty, self.display = self._rendered(exact)
+        self._atlas = {finest: self._kept(exact, finest)}
 
     def _exact(self, size: int, pixels: Any) -> Pipeline:
         seen = SeenTexels(self._uv[pixels], size)
         return self._sweep.pipeline(*_sets("exact", {"atlas": size, "terms": REFERENCE_TERMS}), exact=seen)
+
+    def _kept(self, exact: Pipeline, size: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return what an exact pipeline gives at some pixels, on the atlas, and which texels those pixels read."""
+        beauty, _ = self._rendered(exact)
+        seen = SeenTexels(self._uv[self.part], size).read.reshape(size, size)[::-1]
+        light, owner = _read(exact, Ref("diffused", "blurred"), Ref("atlas", "position"))
+        return beauty[self.part], light[..., :3], seen & (owner[..., 3] > 0)
 
     @staticmethod
     def _rendered(pipeline: Pipeline) -> tuple[Array, NDArray[np.float32]]:
@@ -551,11 +562,7 @@ class Reference:
         The last two are relative RMSE of the picture, over some of the pixels.
         """
         if size not in self._atlas:
-            exact = self._exact(size, self.part)
-            beauty, _ = self._rendered(exact)
-            seen = SeenTexels(self._uv[self.part], size).read.reshape(size, size)[::-1]
-            light, owner = _read(exact, Ref("diffused", "blurred"), Ref("atlas", "position"))
-            self._atlas[size] = beauty[self.part], light[..., :3], seen & (owner[..., 3] > 0)
+            self._atlas[size] = self._kept(self._exact(size, self.part), size)
         beauty, light, seen = self._atlas[size]
         found = self._rendered(pipeline)[0][self.part]
         filtered = metrics.relative_rmse(found, beauty)

@@ -57,7 +57,7 @@ lights:
 environment: {image: sky.exr, exposure: -1}
 render: {size: [640, 480], atlas: 1024}
 """
-TIMED_SETS = ("skin.size=1024",)
+TIMED_SETS = ("skin.size=512",)
 
 #: the scene of the seed paper's table: all effects, three lights, its atlas of 2500 texels a side
 PAPER_SCENE = """

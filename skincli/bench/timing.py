@@ -22,7 +22,7 @@ from skincli.pipeline import Pipeline, frame_camera, load_scene_mesh
 from skincli.scene.model import Camera
 
 #: rounds behind every median; few, because software OpenGL takes seconds for a frame
-ROUNDS, PAPER_ROUNDS = 5, 3
+ROUNDS, PAPER_ROUNDS = 3, 3
 
 #: degrees by which the camera moves about its target from frame to frame
 STEP = 2.0

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import reduce
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -406,7 +406,8 @@ def twin_stack(skin: Stack, maps: Collection[str], site: Site, textures: Mapping
 
     Returns
     -------
-    map -> (n, 3) albedo, (n,) height in mm, (n,) reflectance, roughness and specular, (n, 3) scattering radius in mm, (n, 2) slope
+    map -> (n, 3) albedo, (n,) height in mm, (n,) reflectance, roughness and specular, (n, 3) scattering radius in mm,
+    (n, 2) slope
     """
     layers, channels = _computed(skin, maps)
     count = len(site["position"])
@@ -459,7 +460,8 @@ class _Look:
         """Return (n,) or (n, 4): a layer's function, with its pattern remapped."""
         site = self.site
         if isinstance(layer, Pattern) and layer.warp > 0:
-            site = {**site, "position": hashing.warp_position(site["position"], **warp_values(layer, self.skin.ground))}
+            numbers: Any = warp_values(layer, self.skin.ground)
+            site = {**site, "position": hashing.warp_position(site["position"], **numbers)}
         value = layer.twin(
             layer.values(self.skin.ground), site, [self.textures[item] for item in layer.textures(self.skin.ground)]
         )
