@@ -252,8 +252,8 @@ FAULTS = [
     ("render: {effects: {blur: no}}", "6:26: render.effects.blur is 'no'; it must be true or false (diffusion of light "
      "below the surface); write false"),
     ("render:", "6:1: render has no value; it must be a mapping, key: value; write {} for its defaults"),
-    ("render: {occlusion: {a: 0, b: 0}}", "6:10: render.occlusion: a and b are both 0; give at least one of them a "
-     "weight above 0"),
+    ("render: {occlusion: {a: 0, b: 0}}", "6:10: render.occlusion: a and b are 0 and 0; give at least one of them a "
+     "weight of 1e-06 or more"),
     ("outputs: []", "7:10: outputs has 0 items; it must have at least 1"),
     ("outputs: [beauty, beuaty]", "7:19: outputs[1] is 'beuaty'; no output has that name; did you mean 'beauty'? "
      "There are: beauty, depth"),
