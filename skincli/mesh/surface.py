@@ -214,22 +214,22 @@ def coverage(uv: Floats, faces: Integers, size: int) -> NDArray[np.int64]:
     """
     triangles = uv[faces] * size
     heights = triangles[:, :, 1]
-    low = _first_center(heights.min(axis=1), size)
-    rows = np.maximum(_first_center(heights.max(axis=1), size) - low, 0)
+    low = first_center(heights.min(axis=1), size)
+    rows = np.maximum(first_center(heights.max(axis=1), size) - low, 0)
     # Along a row, +1 where a face begins and -1 where it ends; their running sum counts faces without visiting texels.
     steps = np.zeros(size * (size + 1), dtype=np.int64)
     chunk = np.cumsum(rows) // SPANS_AT_ONCE
     for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(chunk)) + 1):
         face = np.repeat(part, rows[part])
         row = np.arange(len(face)) - np.repeat(np.cumsum(rows[part]) - rows[part], rows[part]) + low[face]
-        begin, end = _span(triangles[face], row + 0.5)
-        first, stop = _first_center(begin, size), _first_center(end, size)
+        begin, end = span_of_row(triangles[face], row + 0.5)
+        first, stop = first_center(begin, size), first_center(end, size)
         steps += np.bincount(row * (size + 1) + first, minlength=len(steps))
         steps -= np.bincount(row * (size + 1) + stop, minlength=len(steps))
     return np.cumsum(steps.reshape(size, size + 1), axis=1)[:, :size]
 
 
-def _span(triangles: Floats, y: Floats) -> tuple[Floats, Floats]:
+def span_of_row(triangles: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Return where the line at height y enters and leaves each triangle, each (k,); (k, 3, 2) triangles cross it."""
     begin, end = np.full(len(y), np.inf), np.full(len(y), -np.inf)
     for corner in range(3):
@@ -245,7 +245,7 @@ def _span(triangles: Floats, y: Floats) -> tuple[Floats, Floats]:
     return begin, np.maximum(end, begin)
 
 
-def _first_center(coordinate: Floats, size: int) -> NDArray[np.int64]:
+def first_center(coordinate: Floats, size: int) -> NDArray[np.int64]:
     """Return the first texel whose center lies at or beyond `coordinate` (in texels), within 0 to size."""
     return np.clip(np.ceil(coordinate - 0.5), 0, size).astype(np.int64)
 

@@ -81,13 +81,13 @@ def _owners(
     """Return the covered texels, ascending, and the face that owns each: the last one that covers its center."""
     triangles = uv[faces] * size
     heights = triangles[:, :, 1]
-    low = surface._first_center(heights.min(axis=1), size)
-    rows = np.maximum(surface._first_center(heights.max(axis=1), size) - low, 0)
+    low = surface.first_center(heights.min(axis=1), size)
+    rows = np.maximum(surface.first_center(heights.max(axis=1), size) - low, 0)
     face = np.repeat(np.arange(len(rows)), rows)
     row = _counted(rows) + low[face]
-    begin, end = surface._span(triangles[face], np.asarray(row + 0.5, dtype=np.float64))
-    first = surface._first_center(begin, size)
-    columns = surface._first_center(end, size) - first
+    begin, end = surface.span_of_row(triangles[face], np.asarray(row + 0.5, dtype=np.float64))
+    first = surface.first_center(begin, size)
+    columns = surface.first_center(end, size) - first
     owner = np.full(size * size, -1, dtype=np.int64)
     # An assignment to repeated places keeps the last value.
     owner[np.repeat(row * size + first, columns) + _counted(columns)] = np.repeat(face, columns)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.mesh.model import Mesh
-from skincli.mesh.surface import _first_center, _span, face_areas, uv_areas
+from skincli.mesh.surface import face_areas, first_center, span_of_row, uv_areas
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -233,15 +233,15 @@ def atlas_samples(mesh: Mesh, size: int) -> tuple[Samples, Indices]:
     """
     triangles = mesh.atlas_uv[mesh.faces] * size
     heights = triangles[:, :, 1]
-    low = _first_center(heights.min(axis=1), size)
-    rows = np.maximum(_first_center(heights.max(axis=1), size) - low, 0)
+    low = first_center(heights.min(axis=1), size)
+    rows = np.maximum(first_center(heights.max(axis=1), size) - low, 0)
     owner = np.full(size * size, len(mesh.faces), dtype=np.int64)
     for part in _runs(rows, SPANS_AT_ONCE):
         face = np.repeat(part, rows[part])
         row = _counted(rows[part]) + low[face]
-        begin, end = _span(triangles[face], np.asarray(row + 0.5))
-        start = _first_center(begin, size)
-        length = _first_center(end, size) - start
+        begin, end = span_of_row(triangles[face], np.asarray(row + 0.5))
+        start = first_center(begin, size)
+        length = first_center(end, size) - start
         texel = np.repeat(row * size + start, length) + _counted(length)
         np.minimum.at(owner, texel, np.repeat(face, length))
     texel = np.flatnonzero(owner < len(mesh.faces))
