@@ -29,7 +29,7 @@ LAYERS = _discover()
 class _Entry(BaseModel):
     """A layer as written: a mapping with one key, the layer's name."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @model_validator(mode="after")
     def _single(self) -> _Entry:
@@ -76,12 +76,9 @@ LayerEntry = create_model("LayerEntry", __base__=_Entry, **_FIELDS)
 
 if TYPE_CHECKING:
     StackLayer = Layer
-    MaskLayer = Layer
 else:
     #: A field that holds a layer of a stack, written as a single-key mapping.
     StackLayer = Annotated[LayerEntry, AfterValidator(_stacked), PlainSerializer(_written)]
-    #: A field that holds the pattern of a mask, written likewise.
-    MaskLayer = Annotated[LayerEntry, AfterValidator(_masking), PlainSerializer(_written)]
 
-for _cls in (*LAYERS.values(), LayerEntry):
-    _cls.model_rebuild(force=True, _types_namespace={"MaskLayer": MaskLayer, **LAYERS})
+#: What validates the pattern of a mask, written likewise.
+MASKING: Any = Annotated[LayerEntry, AfterValidator(_masking), PlainSerializer(_written)]

@@ -7,24 +7,23 @@ float64. Nothing else lists it: every file of this folder is read, see `skincli.
 
 from __future__ import annotations
 
+import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypedDict
+from typing import Annotated, Any, ClassVar, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic_core import CoreSchema
 
 from skincli.layers import hashing
 from skincli.layers.blend import Blend, Space, check_space
 from skincli.layers.pigments import PigmentRamps
 from skincli.layers.remap import Curve
-
-if TYPE_CHECKING:
-    from skincli.layers import MaskLayer  # known only when all layers are: `skincli.layers` fills it in
 
 Array = NDArray[np.float64]
 
@@ -154,10 +153,18 @@ class Texture(ABC):
         """Return (h, w, c) pixels, c 1 to 4, top row first; the levels of detail are means of these."""
 
 
+class _AnyLayer:
+    """Validates the layer of a mask: one of all layers, which are known only when each has been defined."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return handler.generate_schema(importlib.import_module("skincli.layers").MASKING)
+
+
 class Layer(BaseModel):
     """One layer of a skin: what it writes, where, and how strongly."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # Each layer holds all others, as masks: they are put together once, for the skin, rather than once per layer.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
     #: GLSL type that `NAME_layer` returns: float (the pattern t, 0 to 1), vec4 (color, and t in w; or the slopes in
     #: xy), or None where the layer needs no shader because every channel is Flat.
@@ -170,7 +177,7 @@ class Layer(BaseModel):
     )
     enabled: bool = Field(default=True, description="false leaves the layer out")
     opacity: Unit = Field(default=1.0, description="how much of the layer shows, 0 to 1")
-    mask: MaskLayer | None = Field(
+    mask: Annotated[Layer, _AnyLayer()] | None = Field(
         default=None, description="a pattern, such as {fbm: {scale: 20}}, whose value 0 to 1 multiplies the opacity"
     )
 
