@@ -217,7 +217,8 @@ def write_maps(
         extent_mm=skin.extent if ground.mesh is None else None,
         tileable=skin.tileable,
         seed=skin.seed,
-        versions={package: version(package) for package in PACKAGES} | {"driver": str(device_info()["version"])},
+        versions={package: version(package) for package in PACKAGES}
+        | {"driver": "{renderer}, {version}".format(**device_info())},
         maps=entries,
         optics=skin.optics.model_dump(mode="json", exclude_unset=True),
         surface=skin.surface.model_dump(mode="json", exclude_unset=True),
