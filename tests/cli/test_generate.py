@@ -262,11 +262,11 @@ def test_another_driver_draws_the_same_to_five_digits(tmp_path: Path, ctx: Any) 
     if "llvmpipe" not in ctx.info["GL_RENDERER"]:
         pytest.skip("drivers are compared with Mesa's software drivers")
     (tmp_path / "every.yaml").write_text(EVERY_KIND)
-    arguments = "generate every.yaml --maps albedo,height,reflectance --format exr --depth float --json".split()
+    asked = ["--maps", "albedo,height,reflectance", "--format", "exr", "--depth", "float", "--json"]
     found = []
     for driver in ("llvmpipe", "softpipe"):
         done = subprocess.run(
-            [sys.executable, "-m", "skincli", *arguments, "-o", driver],
+            [sys.executable, "-m", "skincli", "generate", "every.yaml", "-o", driver, *asked],
             env={**os.environ, "GALLIUM_DRIVER": driver, "PYTHONPATH": str(Path(images.__file__).parents[1])},
             cwd=tmp_path,
             capture_output=True,
