@@ -158,6 +158,13 @@ class RayScene:
         hit = self._scene.run(starts, directions.astype(np.float32, copy=False), dists=farthest, query="OCCLUDED")
         return np.asarray(hit >= 0)
 
+    def distance(self, start: Floats, directions: Floats) -> Floats:
+        """Return how far from `start`, (3,) mm, the first surface lies along (k, 3) unit directions; inf where none."""
+        starts = np.repeat(self._local(start[None]), len(directions), axis=0)
+        found = self._scene.run(starts, directions.astype(np.float32), query="DISTANCE").astype(np.float64)
+        # A ray that hits nothing has 1e37.
+        return np.where(found < 1e36, found * self.extent, math.inf)
+
 
 def occlusion_at(
     mesh: Mesh,

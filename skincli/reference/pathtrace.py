@@ -12,6 +12,7 @@ The mesh must be closed, and parts must not lie within each other: in here a ray
 from __future__ import annotations
 
 import importlib
+import itertools
 import logging
 import math
 import subprocess
@@ -53,6 +54,9 @@ path hits by itself: at its default of 5 that costs 1 to 3 % of the light from a
 
 SKIPPED_SHARE = 0.02
 """Share of a mean free path that may be lost below the surface before a warning says so."""
+
+TILES = (1, 2, 4, 8, 16)
+"""Into how many tiles a side the picture may be cut, each traced about its own place, where less is lost."""
 
 LANES = 1 << 22
 """Paths traced together: a few hundred MB."""
@@ -158,7 +162,7 @@ class Converged:
     relative_rmse : root mean square of the standard errors over that of the picture, inside the silhouette
     skipped : share of the shortest mean free path that Mitsuba leaves out below the surface; about as much, at most, is
         missing from the color that scatters most, which no number of paths makes good
-    spp : paths per pixel that were traced
+    spp : paths per pixel that were traced, the mean over the tiles of the picture
     seconds : wall time of the passes
     variant : of Mitsuba
     versions : of Mitsuba and what it compiles with
@@ -294,22 +298,20 @@ def render(
     if not covered.any():
         raise InputError("the camera does not see the mesh; move it, or leave camera out to frame the whole mesh")
     mi = tracer.mi
-    skipped = _skipped(mi, mesh, stuff)
-    traced = mi.load_dict(_description(mi, scene, mesh, camera, stuff, ior))
-    each = max(1, min(spp // PASSES, LANES // (size[0] * size[1])))
-    mean = np.zeros((size[1], size[0], 3))
-    squares = np.zeros_like(mean)
+    tiles, skipped = _tiles(mi, mesh, camera, covered, stuff)
+    mean, error = np.zeros((2, size[1], size[0], 3))
     start = time.perf_counter()
-    for number in range(1, spp // each + 1):
-        picture = np.array(mi.render(traced, spp=each, seed=seed + number), dtype=np.float64)
-        step = picture - mean
-        mean += step / number
-        squares += step * (picture - mean)
-        error = np.sqrt(squares / (number * max(number - 1, 1)))
-        relative = _relative(error[mask], mean[mask]) if number > 1 else math.inf
-        _log.info("%d paths per pixel: the relative RMSE is %.3g", number * each, relative)
-        if number >= FEWEST_PASSES and relative <= max_error:
-            break
+    paths = 0
+    for number, tile in enumerate(tiles):
+        traced = mi.load_dict(_description(mi, scene, mesh, camera, stuff, ior, tile))
+        here = mask[tile.rows, tile.columns]
+        found, spread, each = _traced(mi, traced, here, spp, max_error, seed + number * spp)
+        mean[tile.rows, tile.columns], error[tile.rows, tile.columns] = found, spread
+        paths += each * here.size
+        _log.info(
+            "tile %d of %d: %d paths per pixel, %.3g left", number + 1, len(tiles), each, _relative(spread, found)
+        )
+    relative = _relative(error[mask], mean[mask])
     beauty = np.concatenate([mean, covered[..., None]], axis=2)
     if scene.background is not None:
         beauty += np.append(scene.background, 1.0) * (1 - covered)[..., None]
@@ -318,11 +320,75 @@ def render(
         error.astype(np.float32),
         relative,
         skipped,
-        number * each,
+        round(paths / sum(covered[tile.rows, tile.columns].size for tile in tiles)),
         time.perf_counter() - start,
         tracer.variant,
         {"mitsuba": mi.__version__, "drjit": importlib.import_module("drjit").__version__},
     )
+
+
+@dataclass(frozen=True)
+class _Tile:
+    """A part of the picture, and the point, mm relative to the mesh's origin, about which it is traced."""
+
+    rows: slice
+    columns: slice
+    origin: Floats
+
+
+def _tiles(mi: Any, mesh: Mesh, camera: Camera, covered: Floats, stuff: Sequence[Stuff]) -> tuple[list[_Tile], float]:
+    """Return the tiles that show the mesh, as few as will do, and `Converged.skipped`, with a warning where it is much.
+
+    Rays that enter start a little below the surface, lest they hit it again; how far grows with the coordinates.
+    """
+    media = [made_of.medium for made_of in stuff if made_of.medium is not None]
+    extinction = max((float(np.add(medium.sigma_a, medium.sigma_s).max()) for medium in media), default=0.0)
+    hits = rays.first_hits(mesh, camera, covered.shape[::-1])
+    hit = np.isfinite(hits[..., 0])
+    away = np.linalg.norm(hits[hit] + mesh.origin - camera.position, axis=1).max(initial=0.0)
+    pixel = 2 * math.tan(math.radians(camera.fov) / 2) / len(hits) * away
+    tiles: list[_Tile] = []
+    for side in TILES:
+        tiles, farthest = [], 0.0
+        for rows, columns in itertools.product(_slices(hits.shape[0], side), _slices(hits.shape[1], side)):
+            if not covered[rows, columns].any():
+                continue
+            # A tile of which no pixel's middle shows the mesh shows its edge: any place nearby will do.
+            seen = hits[rows, columns][hit[rows, columns]] if hit[rows, columns].any() else hits[hit]
+            low, high = (seen.min(axis=0), seen.max(axis=0)) if len(seen) else np.zeros((2, 3))
+            tiles.append(_Tile(rows, columns, 0.5 * (low + high)))
+            farthest = max(farthest, 0.5 * float(np.max(high - low) + pixel))
+        depth = mi.math.RayEpsilon * (1 + farthest)
+        if depth * extinction <= SKIPPED_SHARE:
+            return tiles, depth * extinction
+    _log.warning(
+        "Mitsuba starts paths %.2g mm below the surface, %.0f %% of the shortest mean free path; the color that "
+        "scatters most comes out darker by up to that", depth, 100 * depth * extinction,
+    )  # fmt: skip
+    return tiles, depth * extinction
+
+
+def _slices(count: int, parts: int) -> list[slice]:
+    """Return `count` rows cut into about equal parts, none of them empty."""
+    cuts = np.unique(np.linspace(0, count, parts + 1).astype(int)).tolist()
+    return [slice(*pair) for pair in itertools.pairwise(cuts)]
+
+
+def _traced(
+    mi: Any, traced: Any, mask: NDArray[np.bool_], spp: int, max_error: float, seed: int
+) -> tuple[Floats, Floats, int]:
+    """Return (h, w, 3) means and standard errors of a tile, and how many paths per pixel they took."""
+    each = max(1, min(spp // PASSES, LANES // mask.size))
+    mean, squares, error = np.zeros((3, *mask.shape, 3))
+    for number in range(1, spp // each + 1):
+        picture = np.array(mi.render(traced, spp=each, seed=seed + number), dtype=np.float64)
+        step = picture - mean
+        mean += step / number
+        squares += step * (picture - mean)
+        error = np.sqrt(squares / (number * max(number - 1, 1)))
+        if number >= FEWEST_PASSES and _relative(error[mask], mean[mask]) <= max_error:
+            break
+    return mean, error, number * each
 
 
 def write(path: images.StrPath, found: Converged) -> None:
@@ -366,22 +432,6 @@ def _warn_of_holes(mesh: Mesh) -> None:
         _log.warning("the mesh is not closed (%d edges have one face); light goes in and out there", edges)
 
 
-def _skipped(mi: Any, mesh: Mesh, stuff: Sequence[Stuff]) -> float:
-    """Return `Converged.skipped`, with a warning where it is much.
-
-    Rays that enter start a little below the surface, lest they hit it again; how far grows with the coordinates.
-    """
-    depth = mi.math.RayEpsilon * (1 + float(np.abs(mesh.positions).max()))
-    media = [made_of.medium for made_of in stuff if made_of.medium is not None]
-    share = depth * max((float(np.add(medium.sigma_a, medium.sigma_s).max()) for medium in media), default=0.0)
-    if share > SKIPPED_SHARE:
-        _log.warning(
-            "Mitsuba starts paths %.2g mm below the surface, %.0f %% of the shortest mean free path; the color that "
-            "scatters most comes out darker by up to that", depth, 100 * share,
-        )  # fmt: skip
-    return share
-
-
 # ---------------------------------------------------------------------------------------- the scene in Mitsuba's terms
 
 
@@ -390,20 +440,25 @@ def _rgb(values: Sequence[float] | Floats) -> dict[str, Any]:
 
 
 def _description(
-    mi: Any, scene: Scene, mesh: Mesh, camera: Camera, stuff: Sequence[Stuff], ior: float | None
+    mi: Any, scene: Scene, mesh: Mesh, camera: Camera, stuff: Sequence[Stuff], ior: float | None, tile: _Tile
 ) -> dict[str, Any]:
-    """Return the scene for `load_dict`, all positions relative to the mesh's origin."""
-    position, target = np.array(camera.position) - mesh.origin, np.array(camera.target) - mesh.origin
+    """Return a tile of the scene for `load_dict`, all positions relative to the tile's origin."""
+    origin = mesh.origin + tile.origin
+    position, target = np.array(camera.position) - origin, np.array(camera.target) - origin
     film = {
         "type": "hdrfilm",
         "width": scene.render.size[0],
         "height": scene.render.size[1],
+        "crop_offset_x": tile.columns.start,
+        "crop_offset_y": tile.rows.start,
+        "crop_width": tile.columns.stop - tile.columns.start,
+        "crop_height": tile.rows.stop - tile.rows.start,
         "pixel_format": "rgb",
         "component_format": "float32",
         # No path counts in two pixels, so their errors are independent.
         "rfilter": {"type": "box"},
     }
-    reach = float(np.linalg.norm(position)) + float(np.linalg.norm(mesh.positions, axis=1).max())
+    reach = float(np.linalg.norm(position)) + float(np.linalg.norm(mesh.positions - tile.origin, axis=1).max())
     description: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "volpathmis", "rr_depth": ROULETTE_DEPTH, "hide_emitters": True},
@@ -418,12 +473,12 @@ def _description(
         },
     }
     for number, light in enumerate(scene.lights):
-        description[f"light{number}"] = _light(mi, light, mesh.origin)
+        description[f"light{number}"] = _light(mi, light, origin)
     surroundings = _surroundings(mi, scene)
     if surroundings is not None:
         description["surroundings"] = surroundings
     for number, (part, made_of) in enumerate(zip(mesh.parts, stuff, strict=True)):
-        description[f"part{number}"] = _shape(mi, mesh, slice(part.start, part.stop), made_of, ior)
+        description[f"part{number}"] = _shape(mi, mesh, slice(part.start, part.stop), made_of, ior, tile.origin)
     return description
 
 
@@ -474,8 +529,8 @@ def _surroundings(mi: Any, scene: Scene) -> dict[str, Any] | None:
     return {"type": "envmap", "bitmap": mi.Bitmap(rows.astype(np.float32)), "to_world": turned}
 
 
-def _shape(mi: Any, mesh: Mesh, faces: slice, made_of: Stuff, ior: float | None) -> Any:
-    """Return a part of the mesh as a shape."""
+def _shape(mi: Any, mesh: Mesh, faces: slice, made_of: Stuff, ior: float | None, origin: Floats) -> Any:
+    """Return a part of the mesh, about a point of it, as a shape."""
     used, corners = np.unique(mesh.faces[faces], return_inverse=True)
     properties = mi.Properties()
     # What neither bends nor reflects has no use for normals.
@@ -497,7 +552,7 @@ def _shape(mi: Any, mesh: Mesh, faces: slice, made_of: Stuff, ior: float | None)
         props=properties,
     )  # fmt: skip
     parameters = mi.traverse(shape)
-    parameters["vertex_positions"] = mesh.positions[used].astype(np.float32).ravel()
+    parameters["vertex_positions"] = (mesh.positions[used] - origin).astype(np.float32).ravel()
     parameters["faces"] = corners.astype(np.uint32).ravel()
     if not plain:
         parameters["vertex_normals"] = mesh.normals[used].astype(np.float32).ravel()

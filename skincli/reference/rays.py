@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -206,6 +206,43 @@ def coverage(mesh: Mesh, camera: Camera, size: tuple[int, int], samples: int = 4
         If the ray tracer is not installed.
     """
     rays = RayScene(mesh)
+    eye = np.array(camera.position) - mesh.origin
+    found = np.empty(size[::-1])
+    for row, directions in zip(found, _view_rays(camera, size, samples), strict=True):
+        hit = rays.blocked(eye[None], directions.reshape(-1, 3), math.inf)
+        row[:] = hit.reshape(samples, size[0], samples).mean(axis=(0, 2))
+    return found
+
+
+def first_hits(mesh: Mesh, camera: Camera, size: tuple[int, int]) -> Floats:
+    """Return what the middle of each pixel shows.
+
+    Parameters
+    ----------
+    camera, size : see `coverage`
+
+    Returns
+    -------
+    (h, w, 3) float64, mm relative to the mesh's origin, top row first; infinite where nothing is hit
+
+    Raises
+    ------
+    DeviceError
+        If the ray tracer is not installed.
+    """
+    rays = RayScene(mesh)
+    eye = np.array(camera.position) - mesh.origin
+    found = np.full((*size[::-1], 3), math.inf)
+    for row, directions in zip(found, _view_rays(camera, size, 1), strict=True):
+        along = directions[0] / np.linalg.norm(directions[0], axis=1, keepdims=True)
+        distance = rays.distance(eye, along)
+        hit = np.isfinite(distance)
+        row[hit] = eye + distance[hit, None] * along[hit]
+    return found
+
+
+def _view_rays(camera: Camera, size: tuple[int, int], samples: int) -> Iterator[Floats]:
+    """Yield (samples, w * samples, 3) directions, not normalized, for each row of pixels from the top."""
     width, height = size
     forward = np.subtract(camera.target, camera.position)
     forward /= np.linalg.norm(forward)
@@ -213,16 +250,10 @@ def coverage(mesh: Mesh, camera: Camera, size: tuple[int, int], samples: int = 4
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
     tangent = math.tan(math.radians(camera.fov) / 2)
-    eye = (np.array(camera.position) - mesh.origin)[None]
     x = ((np.arange(width * samples) + 0.5) / (width * samples) * 2 - 1) * tangent * width / height
     y = (1 - (np.arange(height * samples) + 0.5) / (height * samples) * 2) * tangent
-    found = np.empty((height, width))
-    for row in range(height):
-        line = y[row * samples : (row + 1) * samples]
-        directions = forward + x[None, :, None] * right + line[:, None, None] * up
-        hit = rays.blocked(eye, directions.reshape(-1, 3), math.inf)
-        found[row] = hit.reshape(samples, width, samples).mean(axis=(0, 2))
-    return found
+    for lines in y.reshape(height, samples):
+        yield forward + x[None, :, None] * right + lines[:, None, None] * up
 
 
 def _visible(

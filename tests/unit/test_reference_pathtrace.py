@@ -208,13 +208,33 @@ def test_the_error_that_is_told_is_the_error_that_is_left(tracer: Tracer) -> Non
     assert rough.spp < 128
 
 
-def test_what_is_lost_below_the_surface_is_told(tracer: Tracer, caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_lost_below_the_surface_is_little_or_told(tracer: Tracer, caplog: pytest.LogCaptureFixture) -> None:
     skin = [Stuff(Medium.of(Optics(color=(0.8, 0.5, 0.2), radius=(0.5, 0.3, 0.2))))]
-    coarse = pathtrace.render(scene(), ball(20.0), camera(), skin, tracer=tracer, spp=2)
+    small = pathtrace.render(scene(), ball(20.0), camera(), skin, tracer=tracer, spp=2)
+    assert small.skipped < pathtrace.SKIPPED_SHARE
+    # Tiles of it are small enough.
+    large = pathtrace.render(scene(size=(32, 32)), ball(500.0), camera(distance=5000.0), skin, tracer=tracer, spp=2)
+    assert small.skipped < large.skipped < pathtrace.SKIPPED_SHARE
     assert not caplog.records
-    fine = pathtrace.render(scene(), ball(500.0), camera(distance=5000.0), skin, tracer=tracer, spp=2)
+    # A pixel of it is not.
+    huge = pathtrace.render(scene(), ball(50000.0), camera(distance=500000.0), skin, tracer=tracer, spp=2)
+    assert huge.skipped > pathtrace.SKIPPED_SHARE
     assert "% of the shortest mean free path" in caplog.text
-    assert fine.skipped == pytest.approx(coarse.skipped * 501 / 21, rel=1e-3)
+
+
+def test_tiles_make_one_picture(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball far from where its coordinates begin, whole and in tiles: no more apart than their noise."""
+    lit = scene(size=(12, 8), lights=[{"type": "directional", "direction": (1.0, 0, -1), "irradiance": (1.0, 1, 1)}])
+    skin = [Stuff(Medium((0.03, 0.2, 0.5), (0.7, 0.9, 1.0)))]
+    view = camera(fov=3.0)
+    whole = pathtrace.render(lit, ball(), view, skin, tracer=tracer, spp=256)
+    monkeypatch.setattr(pathtrace, "TILES", (4,))
+    tiled = pathtrace.render(lit, ball(), view, skin, tracer=tracer, spp=256)
+    np.testing.assert_array_equal(tiled.beauty[..., 3], whole.beauty[..., 3])
+    noise = np.hypot(whole.error, tiled.error)
+    apart = np.abs(tiled.beauty - whole.beauty)[..., :3]
+    assert noise.max() > 0
+    assert np.mean(apart > 3 * noise) < 0.03
 
 
 def test_a_dielectric_adds_highlights(tracer: Tracer) -> None:
