@@ -160,8 +160,8 @@ class Converged:
     beauty : (h, w, 4) float32, linear Rec.709, premultiplied, top row first; alpha is the share that the mesh fills
     error : (h, w, 3) float32, standard error of each value
     relative_rmse : root mean square of the standard errors over that of the picture, inside the silhouette
-    skipped : share of the shortest mean free path that Mitsuba leaves out below the surface; about as much, at most, is
-        missing from the color that scatters most, which no number of paths makes good
+    skipped : share of the shortest mean free path that Mitsuba leaves out below the surface, the mean over the pixels;
+        about as much, at most, is missing from the color that scatters most, which no number of paths makes good
     spp : paths per pixel that were traced, the mean over the tiles of the picture
     seconds : wall time of the passes
     variant : of Mitsuba
@@ -349,7 +349,7 @@ def _tiles(mi: Any, mesh: Mesh, camera: Camera, covered: Floats, stuff: Sequence
     pixel = 2 * math.tan(math.radians(camera.fov) / 2) / len(hits) * away
     tiles: list[_Tile] = []
     for side in TILES:
-        tiles, farthest = [], 0.0
+        tiles, depth = [], np.zeros(hit.shape)
         for rows, columns in itertools.product(_slices(hits.shape[0], side), _slices(hits.shape[1], side)):
             if not covered[rows, columns].any():
                 continue
@@ -357,15 +357,16 @@ def _tiles(mi: Any, mesh: Mesh, camera: Camera, covered: Floats, stuff: Sequence
             seen = hits[rows, columns][hit[rows, columns]] if hit[rows, columns].any() else hits[hit]
             low, high = (seen.min(axis=0), seen.max(axis=0)) if len(seen) else np.zeros((2, 3))
             tiles.append(_Tile(rows, columns, 0.5 * (low + high)))
-            farthest = max(farthest, 0.5 * float(np.max(high - low) + pixel))
-        depth = mi.math.RayEpsilon * (1 + farthest)
-        if depth * extinction <= SKIPPED_SHARE:
-            return tiles, depth * extinction
+            off = np.abs(hits[rows, columns] - tiles[-1].origin).max(axis=2)
+            depth[rows, columns] = mi.math.RayEpsilon * (1 + off + 0.5 * pixel)
+        mean = float(depth[hit].mean()) if hit.any() else 0.0
+        if mean * extinction <= SKIPPED_SHARE:
+            return tiles, mean * extinction
     _log.warning(
         "Mitsuba starts paths %.2g mm below the surface, %.0f %% of the shortest mean free path; the color that "
-        "scatters most comes out darker by up to that", depth, 100 * depth * extinction,
+        "scatters most comes out darker by up to that", mean, 100 * mean * extinction,
     )  # fmt: skip
-    return tiles, depth * extinction
+    return tiles, mean * extinction
 
 
 def _slices(count: int, parts: int) -> list[slice]:
