@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.layers.base import Ground, Layer, Site, Texture
+from skincli.layers.base import Ground, Layer, Pattern, Site, Texture
 from skincli.layers.base import site as site_of
+from skincli.layers.filtering import seen
 from skincli.layers.image import Picture
 from skincli.layers.stack import CHANNELS, fuse, twin_stack
 from skincli.scene.skin import Skin
@@ -18,6 +19,7 @@ from skincli.scene.skin import Skin
 Array = NDArray[Any]
 
 ALL = frozenset(CHANNELS)
+OUTPUTS = ("first", "second", "third")
 SIDE = 64
 
 TRIANGLE = """#version 330 core
@@ -89,9 +91,12 @@ def single(site: Site) -> Site:
 
 
 def evaluate(layer: Layer, site: Site, ground: Ground | None = None) -> Array:
-    """Return what a layer's twin makes of some points."""
+    """Return what the twin of a skin shows of a layer at some points."""
     ground = ground or Ground()
-    return layer.twin(layer.values(ground), site, [texture.make() for texture in layer.textures(ground)])
+    textures = [np.asarray(texture.make(), float) for texture in layer.textures(ground)]
+    if isinstance(layer, Pattern):
+        return seen(layer, ground, site, textures)
+    return layer.twin(layer.values(ground), site, textures)
 
 
 def made(textures: Iterable[Texture], pictures: Mapping[Path, Array] | None) -> dict[Texture, Array]:
@@ -102,6 +107,89 @@ def made(textures: Iterable[Texture], pictures: Mapping[Path, Array] | None) -> 
     }
 
 
+class Drawn:
+    """The fused shader of a skin, which draws any number of points; release it at the end."""
+
+    def __init__(
+        self, ctx: Any, skin: Skin, maps: frozenset[str] = ALL, pictures: Mapping[Path, Array] | None = None
+    ) -> None:
+        import moderngl
+
+        from skincli.gpu.blocks import FreeValues
+        from skincli.gpu.program import expand
+
+        self.ctx, fused = ctx, fuse(skin, maps)
+        values = FreeValues(fused.members, fused.numbers)
+        names = ["site_position", "site_normal", "site_more", *(name for name, _ in fused.textures)]
+        head = [
+            "#version 330 core",
+            values.layout.glsl(),
+            *(f"uniform sampler2D {name};" for name in names),
+            *(f"layout(location = {index}) out vec4 {name};" for index, name in enumerate(OUTPUTS)),
+        ]
+        body = expand("main", {"main": MAIN, "generated/layers": fused.source}).text
+        self.program = ctx.program(vertex_shader=TRIANGLE, fragment_shader="\n".join(head) + "\n" + body)
+        for unit, name in enumerate(names):
+            if name in self.program:
+                self.program[name] = unit
+        pixels = made((item for _, item in fused.textures), pictures)
+        self.textures = []
+        for _, item in fused.textures:
+            texture = self.upload(pixels[item][::-1])
+            texture.build_mipmaps()
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            texture.repeat_x = texture.repeat_y = item.repeat
+            self.textures.append(texture)
+        self.block = ctx.buffer(values.packed or bytes(16))
+        if fused.members:
+            assert self.program["Values"].size == len(values.packed)
+        self.triangle = ctx.vertex_array(self.program, [])
+
+    def upload(self, array: Array) -> Any:
+        size, channels = array.shape[1::-1], array.shape[2]
+        return self.ctx.texture(size, channels, array.astype("f4").tobytes(), dtype="f4", alignment=1)
+
+    def __call__(self, site: Site) -> dict[str, Array]:
+        """Return all channels of a square of points."""
+        import moderngl
+
+        from skincli.gpu.context import rest
+
+        side = round(len(site["position"]) ** 0.5)
+        tables = (
+            np.column_stack([site["position"], site["footprint"]]),
+            np.column_stack([site["normal"], site["footprint_uv"]]),
+            np.column_stack([site["uv"], site["occlusion"], site["curvature"]]),
+        )
+        places = [self.upload(table.reshape(side, side, 4)) for table in tables]
+        for texture in places:
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        for unit, texture in enumerate([*places, *self.textures]):
+            texture.use(unit)
+        targets = [self.ctx.texture((side, side), 4, dtype="f4") for _ in OUTPUTS]
+        framebuffer = self.ctx.framebuffer(targets)
+        self.block.bind_to_uniform_block(0)
+        framebuffer.use()
+        self.triangle.render(vertices=3)
+        first, second, third = (np.frombuffer(each.read(), "f4").reshape(-1, 4).astype(np.float64) for each in targets)
+        rest()
+        for thing in (framebuffer, *targets, *places):
+            thing.release()
+        return {
+            "albedo": first[:, :3],
+            "height": first[:, 3],
+            "scattering_radius": second[:, :3],
+            "reflectance": second[:, 3],
+            "slope": third[:, :2],
+            "roughness": third[:, 2],
+            "specular": third[:, 3],
+        }
+
+    def release(self) -> None:
+        for thing in (*self.textures, self.triangle, self.block, self.program):
+            thing.release()
+
+
 def draw(
     ctx: Any,
     skin: Skin,
@@ -110,70 +198,10 @@ def draw(
     pictures: Mapping[Path, Array] | None = None,
 ) -> dict[str, Array]:
     """Return the maps that the fused shader writes; all channels, whatever was asked for."""
-    import moderngl
-
-    from skincli.gpu.blocks import FreeValues
-    from skincli.gpu.context import rest
-    from skincli.gpu.program import expand
-
-    fused = fuse(skin, maps)
-    values = FreeValues(fused.members, fused.numbers)
-    names = ["site_position", "site_normal", "site_more", *(name for name, _ in fused.textures)]
-    outputs = ("first", "second", "third")
-    head = [
-        "#version 330 core",
-        values.layout.glsl(),
-        *(f"uniform sampler2D {name};" for name in names),
-        *(f"layout(location = {index}) out vec4 {name};" for index, name in enumerate(outputs)),
-    ]
-    body = expand("main", {"main": MAIN, "generated/layers": fused.source}).text
-    program = ctx.program(vertex_shader=TRIANGLE, fragment_shader="\n".join(head) + "\n" + body)
-    side = round(len(site["position"]) ** 0.5)
-
-    def upload(array: Array) -> Any:
-        return ctx.texture(array.shape[1::-1], array.shape[2], array.astype("f4").tobytes(), dtype="f4", alignment=1)
-
-    tables = (
-        np.column_stack([site["position"], site["footprint"]]),
-        np.column_stack([site["normal"], site["footprint_uv"]]),
-        np.column_stack([site["uv"], site["occlusion"], site["curvature"]]),
-    )
-    textures = [upload(table.reshape(side, side, 4)) for table in tables]
-    for texture in textures:
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    pixels = made((item for _, item in fused.textures), pictures)
-    for _, item in fused.textures:
-        texture = upload(pixels[item][::-1])
-        texture.build_mipmaps()
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        texture.repeat_x = texture.repeat_y = item.repeat
-        textures.append(texture)
-    targets = [ctx.texture((side, side), 4, dtype="f4") for _ in outputs]
-    framebuffer = ctx.framebuffer(targets)
-    for unit, (name, texture) in enumerate(zip(names, textures, strict=True)):
-        if name in program:
-            program[name] = unit
-        texture.use(unit)
-    block = ctx.buffer(values.packed or bytes(16))
-    if fused.members:
-        assert program["Values"].size == len(values.packed)
-        block.bind_to_uniform_block(0)
-    framebuffer.use()
-    triangle = ctx.vertex_array(program, [])
-    triangle.render(vertices=3)
-    first, second, third = (np.frombuffer(target.read(), "f4").reshape(-1, 4).astype(np.float64) for target in targets)
-    rest()
-    for thing in (framebuffer, *targets, *textures, triangle, block, program):
-        thing.release()
-    return {
-        "albedo": first[:, :3],
-        "height": first[:, 3],
-        "scattering_radius": second[:, :3],
-        "reflectance": second[:, 3],
-        "slope": third[:, :2],
-        "roughness": third[:, 2],
-        "specular": third[:, 3],
-    }
+    drawn = Drawn(ctx, skin, maps, pictures)
+    found = drawn(site)
+    drawn.release()
+    return found
 
 
 def assert_twin(
@@ -201,31 +229,33 @@ def assert_twin(
 
 
 #: Size of a layer's features in texels: from far above a texel to far below.
-RATIOS = tuple(2.0**step for step in range(6, -5, -1))
-
-
-def resolution_errors(layer: Layer, ratio: float, side: int = 14) -> tuple[float, float]:
-    """Return how far a map is from one of twice the resolution, averaged 2x2: RMS and maximum.
-
-    Parameters
-    ----------
-    ratio : size of the layer's features, texels
-    side : texels along a side of the coarser map
-    """
-    size = layer.size() / ratio * side  # type: ignore[attr-defined]
-    coarse = evaluate(layer, flat(side, size, size / side)).reshape(side, side)
-    fine = evaluate(layer, flat(2 * side, size, size / (2 * side))).reshape(side, 2, side, 2).mean(axis=(1, 3))
-    return float(np.sqrt(np.mean((coarse - fine) ** 2))), float(np.abs(coarse - fine).max())
+RATIOS = (32, 16, 11, 8, 4, 2, 1, 0.7, 0.5, 0.35, 0.25, 0.18, 0.125)
 
 
 def assert_resolution_law(
-    layer: Layer, rms: float = 0.01, maximum: float = 0.05, ratios: Iterable[float] = RATIOS
+    layer: Pattern,
+    rms: float = 0.01,
+    maximum: float = 0.05,
+    ratios: Iterable[float] = RATIOS,
+    look: Callable[[Site], Array] | None = None,
 ) -> None:
-    """Twice the resolution, averaged 2x2, agrees with the lower one, whatever the size of a texel."""
-    found = {ratio: resolution_errors(layer, ratio) for ratio in ratios}
-    broken = {ratio: errors for ratio, errors in found.items() if errors[0] > rms or errors[1] > maximum}
-    told = "; ".join(f"{ratio:.3g} texels: RMS {a:.4f}, maximum {b:.4f}" for ratio, (a, b) in broken.items())
-    assert not broken, f"{layer.kind()}: {told}"
+    """Twice the resolution, averaged 2x2, agrees with the lower one, whatever the size of a texel.
+
+    Parameters
+    ----------
+    rms, maximum : differences that are allowed
+    look : what makes the pattern of points; left out: the twin
+    """
+    side, broken = 24, []
+    look = look or (lambda site: evaluate(layer, site))
+    for ratio in ratios:
+        size = layer.size() / ratio * side
+        coarse, fine = (look(flat(count, size, size / count)).reshape(count, count) for count in (side, 2 * side))
+        error = coarse - fine.reshape(side, 2, side, 2).mean(axis=(1, 3))
+        found = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+        if found[0] > rms or found[1] > maximum:
+            broken.append(f"{ratio:.3g} texels: RMS {found[0]:.4f}, maximum {found[1]:.4f}")
+    assert not broken, f"{layer.kind()}: {'; '.join(broken)}"
 
 
 def assert_tileable(layer: Layer, period: float = 30.0, side: int = 96) -> None:

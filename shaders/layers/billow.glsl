@@ -2,7 +2,7 @@
 
 // Puffs between creases: octaves of |noise|, the finer upon the coarser.
 float billow_layer(billow_values p, Site site) {
-    Fractal numbers = Fractal(p.scale, p.period, p.octaves, p.gain, p.offset, p.amplitude, p.fade, p.finest, p.octave,
-        p.levels, p.bias, p.seed);
+    Fractal numbers = Fractal(p.scale, p.period, p.octaves, p.gain, p.offset, p.amplitude, p.fade, p.octave, p.levels,
+        p.seed);
     return fractal(FRACTAL_BILLOW, numbers, site);
 }

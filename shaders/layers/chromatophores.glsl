@@ -18,41 +18,27 @@ float chromatophores_sac(Disk disk, vec3 away, vec3 first, vec3 second, float pu
     return disk_at(disk, distance * (1.0 - pull * ragged));
 }
 
-// Sacs around the place x, in cells, averaged over a texel, in cells. What places them and what opens them are
+// Sacs around the site. What places them and what opens them are
 // different numbers, so that they stay where they are.
-float chromatophores_at(chromatophores_values p, vec3 x, vec3 normal, float texel) {
+float chromatophores_layer(chromatophores_values p, Site site) {
+    float texel = site.footprint / p.cell;
     float reach = 1.15 * disk_reach(disk_of(p.open, 0.12 * p.open, texel));
     float untouched = 1.0;
-    Marks marks = find_marks(x, normal, reach);
+    Marks marks = find_marks(site.position / p.cell, site.normal, reach);
     for (ivec3 cell = marks.first; cell.z <= marks.last.z; cell = next_cell(marks, cell)) {
         vec4 hashed = hash_marks(marks, cell, p.period, p.seed);
         for (int which = 0; which < 2; ++which) {
-            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, normal);
+            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, site.normal);
             if (mark.near <= 0.0 || dot(mark.along, mark.along) > reach * reach) {
                 continue;
             }
             vec4 random = more_random(mark.random);
             float opened = clamp((1.0 + p.variation) * p.expansion - p.variation * mark.random.w, 0.0, 1.0);
             float radius = mix(p.closed, p.open, opened) * sqrt(mark.near) * (1.0 - 0.5 * p.variation * random.w);
-            vec3 first = along_surface(random.xyz - 0.5, normal);
+            vec3 first = along_surface(random.xyz - 0.5, site.normal);
             Disk disk = disk_of(radius, 0.12 * radius, texel);
-            untouched *= 1.0 - chromatophores_sac(disk, mark.along, first, cross(normal, first), 0.15 * opened);
+            untouched *= 1.0 - chromatophores_sac(disk, mark.along, first, cross(site.normal, first), 0.15 * opened);
         }
     }
     return 1.0 - untouched;
-}
-
-// Sacs of pigment: 1 within a sac.
-float chromatophores_layer(chromatophores_values p, Site site) {
-    float texel = site.footprint / p.cell;
-    if (texel >= 8.0) {
-        return p.mean;
-    }
-    int side = places_of(texel, 0.2 * p.open, 4);
-    float t = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = site.position / p.cell + place_in_texel(site.normal, texel, i, side);
-        t += chromatophores_at(p, x, site.normal, texel / float(side));
-    }
-    return mix(t / float(side * side), p.mean, smoothstep(0.75, 8.0, texel));
 }

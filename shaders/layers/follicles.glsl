@@ -1,4 +1,3 @@
-#include "lib/filter.glsl"
 #include "lib/marks.glsl"
 #include "lib/site.glsl"
 
@@ -19,8 +18,8 @@ float follicles_bump(follicles_values p, vec3 along, vec3 hair, float radius, fl
 }
 
 // Pits from which hairs grow, their raised rims, or the dark roots in them.
-float follicles_point(follicles_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+float follicles_layer(follicles_values p, Site site) {
+    float texel = site.footprint / p.cell;
     vec3 hair = along_surface(p.direction, site.normal);
     float shift = p.part == FOLLICLES_DOT ? FOLLICLES_DOT_SHIFT * p.radius : 0.0;
     float largest = p.radius * (p.part == FOLLICLES_RIM ? FOLLICLES_RIM_REACH : 1.0);
@@ -45,17 +44,4 @@ float follicles_point(follicles_values p, Site site) {
         }
     }
     return 1.0 - untouched;
-}
-
-float follicles_layer(follicles_values p, Site site) {
-    float visible = marks_resolved(site.footprint / p.cell);
-    int count = visible > 0.0 ? places_of(site.footprint, p.finest, MARK_PLACES) : 0;
-    Site place = site;
-    place.footprint /= float(max(count, 1));
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        place.position = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += follicles_point(p, place);
-    }
-    return mix(p.mean, sum / float(max(count * count, 1)), visible);
 }

@@ -3,14 +3,24 @@
 #include "lib/noise.glsl"
 #include "lib/site.glsl"
 
-// Freckles: small spots of ragged outline, unequal in size and darkness, that come in clusters.
-float freckles_point(freckles_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+// Share of the freckles that show, 0.5 in the middle; it may lie outside of 0 to 1.
+float freckles_crowd(freckles_values p, Site site) {
     vec3 x = site.position / p.cluster;
     vec3 whole = floor(x);
-    float crowd = 0.5 + p.clustering * gradient_noise(ivec3(whole), x - whole, p.cluster_period, p.seed + 1);
-    x = site.position / p.ragged;
-    whole = floor(x);
+    float noise = gradient_noise(ivec3(whole), x - whole, p.cluster_period, p.seed + 1);
+    return 0.5 + p.clustering * resolved(p.cluster, site.footprint) * noise;
+}
+
+float freckles_local(freckles_values p, Site site) {
+    return clamp(freckles_crowd(p, site), 0.0, 1.0);
+}
+
+// Freckles: small spots of ragged outline, unequal in size and darkness, that come in clusters.
+float freckles_layer(freckles_values p, Site site) {
+    float texel = site.footprint / p.cell;
+    float crowd = freckles_crowd(p, site);
+    vec3 x = site.position / p.ragged;
+    vec3 whole = floor(x);
     vec3 ragged = p.irregularity * p.radius * resolved(p.ragged, site.footprint)
         * value_noise(ivec3(whole), x - whole, p.ragged_period, p.seed + 2);
     ragged -= dot(ragged, site.normal) * site.normal;
@@ -30,17 +40,4 @@ float freckles_point(freckles_values p, Site site) {
         }
     }
     return 1.0 - untouched;
-}
-
-float freckles_layer(freckles_values p, Site site) {
-    float visible = marks_resolved(site.footprint / p.cell);
-    int count = visible > 0.0 ? places_of(site.footprint, p.finest, MARK_PLACES) : 0;
-    Site place = site;
-    place.footprint /= float(max(count, 1));
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        place.position = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += freckles_point(p, place);
-    }
-    return mix(p.mean, sum / float(max(count * count, 1)), visible);
 }

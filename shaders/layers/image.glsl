@@ -184,7 +184,7 @@ vec4 image_layer(image_values p, Site site, sampler2D gaussian, sampler2D table)
     float side = float(max(size.x, size.y));
     int last = image_last(gaussian);
     // The mean of what is restored is not what is restored of the mean.
-    int count = places_of(ground.footprint, p.period / side, IMAGE_PLACES);
+    int count = min(places_of(ground.footprint, p.period / side), IMAGE_PLACES);
     float texel = ground.footprint / (p.period * float(count));
     float level = clamp(log2(max(texel * side, 1.0)), 0.0, float(last));
     float left = resolved(p.step, texel);

@@ -4,7 +4,7 @@
 
 // Moles: flat spots of even darkness with a soft edge, or the domes of those that are raised.
 float moles_layer(moles_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+    float texel = site.footprint / p.cell;
     float reach = sqrt(widened2(p.radius, texel));
     if (p.part == MOLES_SPOT) {
         reach = disk_reach(disk_of(p.edge * p.radius, p.softness * p.radius, texel));
@@ -32,5 +32,5 @@ float moles_layer(moles_values p, Site site) {
             untouched *= 1.0 - mark.near * t;
         }
     }
-    return mix(p.mean, 1.0 - untouched, marks_resolved(texel));
+    return 1.0 - untouched;
 }

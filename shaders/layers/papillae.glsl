@@ -1,4 +1,3 @@
-#include "lib/filter.glsl"
 #include "lib/marks.glsl"
 #include "lib/site.glsl"
 
@@ -18,16 +17,17 @@ float papillae_cone(vec3 away, vec3 heading, float lean, float ridges, float rou
     return up * up;
 }
 
-// Pointed bumps around the place x, in cells, averaged over a texel, in cells.
-float papillae_at(papillae_values p, vec3 x, vec3 normal, float texel) {
+// Pointed bumps around the site.
+float papillae_layer(papillae_values p, Site site) {
+    float texel = site.footprint / p.cell;
     float texel2 = texel * texel;
     float reach = sqrt(p.radius * p.radius + 5.0 / 6.0 * texel2);
     float untouched = 1.0;
-    Marks marks = find_marks(x, normal, reach);
+    Marks marks = find_marks(site.position / p.cell, site.normal, reach);
     for (ivec3 cell = marks.first; cell.z <= marks.last.z; cell = next_cell(marks, cell)) {
         vec4 hashed = hash_marks(marks, cell, p.period, p.seed);
         for (int which = 0; which < 2; ++which) {
-            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, normal);
+            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, site.normal);
             if (mark.near <= 0.0 || dot(mark.along, mark.along) > reach * reach) {
                 continue;
             }
@@ -38,26 +38,11 @@ float papillae_at(papillae_values p, vec3 x, vec3 normal, float texel) {
             // A cone averaged over a texel is as much wider as lower, so that its mean is kept.
             float radius2 = own2 + 5.0 / 6.0 * texel2;
             float radius = sqrt(radius2);
-            vec3 heading = along_surface(random.xyz - 0.5, normal);
+            vec3 heading = along_surface(random.xyz - 0.5, site.normal);
             float ridges = p.ridges * (1.0 - smoothstep(0.1, 0.4, texel / radius));
             float up = papillae_cone(-mark.along / radius, heading, p.lean * random.w, ridges, 0.16 * texel2 / radius2);
             untouched *= 1.0 - sqrt(mark.near) * size * own2 / radius2 * up;
         }
     }
     return 1.0 - untouched;
-}
-
-// 1 at the point of the highest, 0 between them.
-float papillae_layer(papillae_values p, Site site) {
-    float texel = site.footprint / p.cell;
-    if (texel >= 8.0) {
-        return p.mean;
-    }
-    int side = places_of(texel, 0.2 * p.radius, 4);
-    float t = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = site.position / p.cell + place_in_texel(site.normal, texel, i, side);
-        t += papillae_at(p, x, site.normal, texel / float(side));
-    }
-    return mix(t / float(side * side), p.mean, smoothstep(0.75, 8.0, texel));
 }

@@ -3,7 +3,7 @@
 
 // Round pits: 1 at the center of a pore, 0 between pores.
 float pores_layer(pores_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+    float texel = site.footprint / p.cell;
     float wide2 = widened2(p.radius, texel);
     float strength = p.radius * p.radius / wide2;
     float untouched = 1.0;
@@ -16,5 +16,5 @@ float pores_layer(pores_values p, Site site) {
             untouched *= 1.0 - strength * mark.near * bowl * (1.0 - p.variation * mark.random.w);
         }
     }
-    return mix(p.mean, 1.0 - untouched, marks_resolved(texel));
+    return 1.0 - untouched;
 }

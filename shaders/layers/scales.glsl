@@ -60,8 +60,10 @@ vec2 scales_rows(scales_values p, vec2 place, vec2 along, float texel, int layer
 }
 
 // The lattices of three planes; where two meet, the higher scale hides the other, and a dark crease parts them.
-float scales_three(scales_values p, vec3 x, vec3 normal, float texel) {
-    vec3 share = normal * normal;
+float scales_layer(scales_values p, Site site) {
+    vec3 x = site.position / p.spacing;
+    float texel = site.footprint / p.spacing;
+    vec3 share = site.normal * site.normal;
     share = smoothstep(0.75, 1.0, share / max(max(share.x, share.y), max(share.z, 1e-12)));
     float best = -9.0;
     float t = 0.0;
@@ -71,7 +73,7 @@ float scales_three(scales_values p, vec3 x, vec3 normal, float texel) {
         }
         vec2 place = vec2(x[(axis + 1) % 3], x[(axis + 2) % 3]);
         vec2 along = axis == 0 ? p.along_x : axis == 1 ? p.along_y : p.along_z;
-        vec2 found = scales_rows(p, place, along, texel, normal[axis] < 0.0 ? axis + 3 : axis);
+        vec2 found = scales_rows(p, place, along, texel, site.normal[axis] < 0.0 ? axis + 3 : axis);
         float lifted = found.x - 2.0 * (1.0 - share[axis]);
         t = mix(t, found.y, smoothstep(-0.05, 0.05, lifted - best));
         if (p.part != SCALES_VALUE) {
@@ -80,20 +82,4 @@ float scales_three(scales_values p, vec3 x, vec3 normal, float texel) {
         best = max(best, lifted);
     }
     return t;
-}
-
-// Overlapping scales: what is 1 is a choice.
-float scales_layer(scales_values p, Site site) {
-    float size = p.spacing * min(1.0, p.row);
-    float texel = site.footprint / size;
-    if (texel >= 4.0) {
-        return p.mean;
-    }
-    int side = places_of(texel, 0.05, 8);
-    float t = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = (site.position + place_in_texel(site.normal, site.footprint, i, side)) / p.spacing;
-        t += scales_three(p, x, site.normal, site.footprint / (p.spacing * float(side)));
-    }
-    return mix(t / float(side * side), p.mean, smoothstep(0.5, 4.0, texel));
 }

@@ -1,10 +1,9 @@
-#include "lib/filter.glsl"
 #include "lib/marks.glsl"
 #include "lib/site.glsl"
 
 // Scars: long marks of random direction, each with a bend; the puckers across them; or the stitches that closed them.
-float scars_point(scars_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+float scars_layer(scars_values p, Site site) {
+    float texel = site.footprint / p.cell;
     // Stitches end square, about as far aside as a scar is wide; a pucker is as wide as the scar.
     float half_width = p.part == SCARS_STITCHES ? p.stitch : p.radius;
     float wide2 = widened2(half_width, texel);
@@ -36,17 +35,4 @@ float scars_point(scars_values p, Site site) {
         }
     }
     return 1.0 - untouched;
-}
-
-float scars_layer(scars_values p, Site site) {
-    float visible = marks_resolved(site.footprint / p.cell);
-    int count = visible > 0.0 ? places_of(site.footprint, p.finest, MARK_PLACES) : 0;
-    Site place = site;
-    place.footprint /= float(max(count, 1));
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        place.position = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += scars_point(p, place);
-    }
-    return mix(p.mean, sum / float(max(count * count, 1)), visible);
 }

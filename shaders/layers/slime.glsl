@@ -36,26 +36,9 @@ float slime_drops(slime_values p, vec3 x, vec3 normal, float texel) {
 
 // A wet film: 1 in pools and on drops, 0 where the skin is dry.
 float slime_layer(slime_values p, Site site) {
-    float texel = site.footprint / p.scale;
-    if (texel >= 6.0) {
-        return p.mean;
-    }
-    int side = places_of(texel, 0.06, 8);
-    float film = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = site.position / p.scale + place_in_texel(site.normal, texel, i, side);
-        film += slime_film(p, x, texel / float(side));
-    }
-    float dry = 1.0 - film / float(side * side);
+    float dry = 1.0 - slime_film(p, site.position / p.scale, site.footprint / p.scale);
     if (p.drops > 0.0) {
-        texel = site.footprint / p.cell;
-        float drops = 0.0;
-        side = places_of(texel, 0.3 * p.radius, 2);
-        for (int i = 0; i < side * side && texel < 6.0; ++i) {
-            vec3 x = site.position / p.cell + place_in_texel(site.normal, texel, i, side);
-            drops += slime_drops(p, x, site.normal, texel / float(side));
-        }
-        dry *= 1.0 - mix(drops / float(side * side), p.drop_mean, smoothstep(0.75, 6.0, texel));
+        dry *= 1.0 - slime_drops(p, site.position / p.cell, site.normal, site.footprint / p.cell);
     }
-    return mix(1.0 - dry, p.mean, smoothstep(0.5, 6.0, site.footprint / p.scale));
+    return 1.0 - dry;
 }

@@ -25,15 +25,16 @@ float suckers_ring(suckers_values p, Disk rim, Disk cup, Disk hole, vec3 away, v
     return max(own, 0.0) * (1.0 - fold);
 }
 
-// Rings around the place x, in cells, averaged over a texel, in cells.
-float suckers_at(suckers_values p, vec3 x, vec3 normal, float texel) {
+// Rings around the site.
+float suckers_layer(suckers_values p, Site site) {
+    float texel = site.footprint / p.cell;
     float reach = disk_reach(disk_of(0.86 * p.radius, 0.14 * p.radius, texel));
     float t = 0.0;
-    Marks marks = find_marks(x, normal, reach);
+    Marks marks = find_marks(site.position / p.cell, site.normal, reach);
     for (ivec3 cell = marks.first; cell.z <= marks.last.z; cell = next_cell(marks, cell)) {
         vec4 hashed = hash_marks(marks, cell, p.period, p.seed);
         for (int which = 0; which < 2; ++which) {
-            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, normal);
+            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, site.normal);
             if (mark.near <= 0.0 || dot(mark.along, mark.along) > reach * reach) {
                 continue;
             }
@@ -41,25 +42,10 @@ float suckers_at(suckers_values p, vec3 x, vec3 normal, float texel) {
             Disk rim = disk_of(0.86 * radius, 0.14 * radius, texel);
             Disk cup = disk_of(0.6 * radius, 0.1 * radius, texel);
             Disk hole = disk_of(0.2 * radius, 0.07 * radius, texel);
-            vec3 heading = along_surface(more_random(mark.random).xyz - 0.5, normal);
+            vec3 heading = along_surface(more_random(mark.random).xyz - 0.5, site.normal);
             float clear = 1.0 - smoothstep(0.05, 0.2, texel / max(radius, 1e-6));
             t += suckers_ring(p, rim, cup, hole, mark.along, heading, clear);
         }
     }
     return min(t, 1.0);
-}
-
-// Rings with a cup and a hole: what is 1 is a choice.
-float suckers_layer(suckers_values p, Site site) {
-    float texel = site.footprint / p.cell;
-    if (texel >= 8.0) {
-        return p.mean;
-    }
-    int side = places_of(texel, 0.1 * p.radius, 4);
-    float t = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = site.position / p.cell + place_in_texel(site.normal, texel, i, side);
-        t += suckers_at(p, x, site.normal, texel / float(side));
-    }
-    return mix(t / float(side * side), p.mean, smoothstep(0.75, 8.0, texel));
 }

@@ -2,8 +2,6 @@
 #include "lib/noise.glsl"
 #include "lib/site.glsl"
 
-// Places along a side of a texel that is large for the veins, at most.
-const int VEINS_PLACES = 4;
 // Size and width of each level, relative to the one before; the size so that twice as many cells fit a period.
 const float VEINS_FINER = 0.5;
 const float VEINS_THINNER = 0.62;
@@ -27,22 +25,22 @@ vec4 veins_noise(ivec3 cell, vec3 fraction, int period, int seed) {
 
 // Veins: lines where noise passes through 0. Those of each finer noise begin at the ones before, on one side of them,
 // and fade with the distance, so that they spring from them as branches do.
-float veins_point(veins_values p, vec3 position, vec3 normal, float footprint) {
+float veins_layer(veins_values p, Site site) {
     float size = p.spacing;
     float width = p.width;
     int period = p.period;
     float grown = 1.0;
     float untouched = 1.0;
     for (int level = 0; level < p.levels; ++level) {
-        vec3 x = position / size;
+        vec3 x = site.position / size;
         vec3 whole = floor(x);
         vec4 noise = veins_noise(ivec3(whole), x - whole, period, p.seed + 7919 * level);
-        vec3 slope = noise.xyz - dot(noise.xyz, normal) * normal;
+        vec3 slope = noise.xyz - dot(noise.xyz, site.normal) * site.normal;
         float steepness = length(slope);
         // Distance to the line, in units of `size`. Where the noise is flat, lines would be blots: they end before.
         float away = noise.w / max(steepness, 0.05);
         float ends = smoothstep(0.25, 0.7, steepness);
-        float texel = footprint / size;
+        float texel = site.footprint / size;
         float half_width = width / size;
         float wide2 = half_width * half_width + 11.0 / 12.0 * texel * texel;
         float inside = max(1.0 - away * away / wide2, 0.0);
@@ -50,21 +48,10 @@ float veins_point(veins_values p, vec3 position, vec3 normal, float footprint) {
         float line = half_width * inversesqrt(wide2) * inside * inside;
         untouched *= 1.0 - grown * ends * line;
         // The next level grows on the positive side of this one.
-        grown *= ends * smoothstep(-0.02, 0.02, away) * (1.0 - smoothstep(0.1, p.branching, away));
+        grown *= ends * soft_step(away, 0.02, texel) * (1.0 - smoothstep(0.1, p.branching, away));
         size *= VEINS_FINER;
         width *= VEINS_THINNER;
         period *= 2;
     }
     return 1.0 - untouched;
-}
-
-float veins_layer(veins_values p, Site site) {
-    float visible = 1.0 - smoothstep(1.0, 4.0, site.footprint / p.spacing);
-    int count = visible > 0.0 ? places_of(site.footprint, p.finest, VEINS_PLACES) : 0;
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        vec3 place = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += veins_point(p, place, site.normal, site.footprint / float(count));
-    }
-    return mix(p.mean, sum / float(max(count * count, 1)), visible);
 }

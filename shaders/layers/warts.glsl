@@ -1,4 +1,3 @@
-#include "lib/filter.glsl"
 #include "lib/marks.glsl"
 #include "lib/noise.glsl"
 #include "lib/site.glsl"
@@ -13,16 +12,35 @@ float warts_grown(float density) {
     return max(density - WARTS_GROWTH, 0.0) + growing;
 }
 
-// Bumps around the place x, in cells, averaged over a texel, in cells.
-float warts_at(warts_values p, vec3 x, vec3 normal, float texel, float density) {
+// How dense warts are: 0 to 1, and beyond by what the last need to grow. Low noise decides.
+float warts_density(warts_values p, Site site) {
+    float density = 1.0;
+    if (p.clustering > 0.0) {
+        vec3 x = site.position / p.cluster;
+        vec3 whole = floor(x);
+        float noise = gradient_noise(ivec3(whole), x - whole, p.cluster_period, ~p.seed);
+        float clear = smoothstep(0.5, 4.0, p.cluster / max(site.footprint, 1e-9));
+        density = 1.0 - p.clustering * (0.5 - clear * (smoothstep(-0.45, 0.45, noise) - 0.5));
+    }
+    return density * (1.0 + WARTS_GROWTH);
+}
+
+float warts_local(warts_values p, Site site) {
+    return warts_grown(warts_density(p, site));
+}
+
+// Round bumps: 1 at the top of the largest, 0 between them.
+float warts_layer(warts_values p, Site site) {
+    float texel = site.footprint / p.cell;
+    float density = warts_density(p, site);
     float widening = p.spread * texel * texel;
     float reach = sqrt(p.radius * p.radius + widening);
     float untouched = 1.0;
-    Marks marks = find_marks(x, normal, reach);
+    Marks marks = find_marks(site.position / p.cell, site.normal, reach);
     for (ivec3 cell = marks.first; cell.z <= marks.last.z; cell = next_cell(marks, cell)) {
         vec4 hashed = hash_marks(marks, cell, p.period, p.seed);
         for (int which = 0; which < 2; ++which) {
-            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, normal);
+            Mark mark = mark_of(marks, cell, hashed, which, p.jitter, site.normal);
             if (mark.near <= 0.0 || dot(mark.along, mark.along) > reach * reach) {
                 continue;
             }
@@ -36,29 +54,4 @@ float warts_at(warts_values p, vec3 x, vec3 normal, float texel, float density) 
         }
     }
     return 1.0 - untouched;
-}
-
-// Round bumps: 1 at the top of the largest, 0 between them. Low noise decides how many of them have grown.
-float warts_layer(warts_values p, Site site) {
-    float density = 1.0;
-    if (p.clustering > 0.0) {
-        vec3 noise_x = site.position / p.cluster;
-        vec3 whole = floor(noise_x);
-        float noise = gradient_noise(ivec3(whole), noise_x - whole, p.cluster_period, ~p.seed);
-        float clear = smoothstep(0.5, 4.0, p.cluster / max(site.footprint, 1e-9));
-        density = 1.0 - p.clustering * (0.5 - clear * (smoothstep(-0.45, 0.45, noise) - 0.5));
-    }
-    density *= 1.0 + WARTS_GROWTH;
-    float mean = p.mean * warts_grown(density);
-    float texel = site.footprint / p.cell;
-    if (texel >= 8.0) {
-        return mean;
-    }
-    int side = places_of(texel, 0.3 * p.radius, 4);
-    float t = 0.0;
-    for (int i = 0; i < side * side; ++i) {
-        vec3 x = site.position / p.cell + place_in_texel(site.normal, texel, i, side);
-        t += warts_at(p, x, site.normal, texel / float(side), density);
-    }
-    return mix(t / float(side * side), mean, smoothstep(0.75, 8.0, texel));
 }

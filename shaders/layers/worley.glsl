@@ -3,14 +3,8 @@
 #include "lib/hash.glsl"
 #include "lib/site.glsl"
 
-// Places along a side of a texel that is large for the cells, at most.
-const int WORLEY_PLACES = 8;
-
-// Size of what still shows in single places, in cells: where these are a cell apart they all fall on like places.
-const float WORLEY_CALM = 0.7;
-
-// A line's profile has 2/15 of the squared half width as variance, a texel 1/12.
-const float WORLEY_LINE_PER_TEXEL = 0.7906;
+// A line's profile has 0.11 of the squared half width as variance, a texel 1/12.
+const float WORLEY_LINE_PER_TEXEL = 0.8706;
 
 // From `fraction` in a cell to the feature point of the i-th of the 27 cells around, in cells; and a random number.
 vec4 worley_feature(worley_values p, ivec3 cell, vec3 fraction, int i) {
@@ -19,13 +13,14 @@ vec4 worley_feature(worley_values p, ivec3 cell, vec3 fraction, int i) {
     return vec4(vec3(offset) + 0.5 + p.jitter * (random.xyz - 0.5) - fraction, random.w);
 }
 
-float worley_point(worley_values p, vec3 position, vec3 normal, float footprint) {
+// Cellular patterns [Worley1996, "A Cellular Texture Basis Function"], sought among the 27 nearest cells.
+float worley_layer(worley_values p, Site site) {
     // Aside of the lattice, so that a flat square, where z is 0, cuts cells as any other plane does.
-    vec3 x = position / p.scale + vec3(0.5, 0.5, 0.25);
+    vec3 x = site.position / p.scale + vec3(0.5, 0.5, 0.25);
     vec3 whole = floor(x);
     ivec3 cell = ivec3(whole);
     vec3 fraction = x - whole;
-    float texel = footprint / p.scale;
+    float texel = site.footprint / p.scale;
 
     float first = 1e9;
     float second = 1e9;
@@ -58,7 +53,7 @@ float worley_point(worley_values p, vec3 position, vec3 normal, float footprint)
         // Hashed again: an array of the points takes twice as long.
         vec4 point = worley_feature(p, cell, fraction, i);
         vec3 between = point.xyz - nearest.xyz;
-        float away = dot(between, normal);
+        float away = dot(between, site.normal);
         float across = sqrt(max(dot(between, between) - away * away, 1e-6));
         float distance_to_plane = i == owner ? 1e9 : 0.5 * dot(point.xyz + nearest.xyz, between) / across;
         border = min(border, distance_to_plane);
@@ -74,23 +69,7 @@ float worley_point(worley_values p, vec3 position, vec3 normal, float footprint)
         return sum / total;
     }
     width = length(vec2(p.width, WORLEY_LINE_PER_TEXEL * texel));
-    float line = p.width / width * (1.0 - smoothstep(0.0, width, border));
-    return levels(line, p.levels, EDGE_PER_TEXEL * texel / width);
-}
-
-// Cellular patterns [Worley1996, "A Cellular Texture Basis Function"], sought among the 27 nearest cells.
-float worley_layer(worley_values p, Site site) {
-    int count = places_of(site.footprint, p.finest, WORLEY_PLACES);
-    float footprint = site.footprint / float(count);
-    float visible = resolved(WORLEY_CALM * p.scale, footprint);
-    // What would not show is not computed.
-    if (visible < 1e-4) {
-        return p.mean;
-    }
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        vec3 place = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += worley_point(p, place, site.normal, footprint);
-    }
-    return mix(p.mean, sum / float(count * count), visible);
+    // A line that is widened is so much weaker, against what the levels make of no line.
+    float line = levels(1.0 - smoothstep(0.0, width, border), p.levels, 0.0);
+    return mix(levels(0.0, p.levels, 0.0), line, p.width / width);
 }

@@ -1,4 +1,3 @@
-#include "lib/filter.glsl"
 #include "lib/marks.glsl"
 #include "lib/site.glsl"
 
@@ -30,30 +29,20 @@ float wrinkles_untouched(wrinkles_values p, Site site, vec3 axis, float texel, i
     return untouched;
 }
 
+// 0 where the surface faces along the direction, so that this is none of it.
+float wrinkles_local(wrinkles_values p, Site site) {
+    float facing = dot(p.direction, site.normal);
+    return smoothstep(0.01, 0.16, 1.0 - facing * facing);
+}
+
 // Furrows: 1 at the bottom of one, 0 between.
-float wrinkles_point(wrinkles_values p, Site site) {
-    float texel = mark_texel(site.footprint, p.cell);
+float wrinkles_layer(wrinkles_values p, Site site) {
+    float texel = site.footprint / p.cell;
     vec3 axis = along_surface(p.direction, site.normal);
     float untouched = wrinkles_untouched(p, site, axis, texel, p.seed);
     if (p.cross > 0.0) {
         vec3 other = p.slant * axis + sqrt(1.0 - p.slant * p.slant) * cross(site.normal, axis);
         untouched *= mix(1.0, wrinkles_untouched(p, site, other, texel, ~p.seed), p.cross);
     }
-    return 1.0 - untouched;
-}
-
-float wrinkles_layer(wrinkles_values p, Site site) {
-    float visible = marks_resolved(site.footprint / p.cell);
-    int count = visible > 0.0 ? places_of(site.footprint, p.finest, MARK_PLACES) : 0;
-    Site place = site;
-    place.footprint /= float(max(count, 1));
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        place.position = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += wrinkles_point(p, place);
-    }
-    // Where the surface faces along the direction, that direction is none of it.
-    float facing = dot(p.direction, site.normal);
-    float lies = smoothstep(0.01, 0.16, 1.0 - facing * facing);
-    return lies * mix(p.mean, sum / float(max(count * count, 1)), visible);
+    return wrinkles_local(p, site) * (1.0 - untouched);
 }

@@ -40,10 +40,14 @@ float disk_at(Disk disk, float away) {
     return disk.strength * (1.0 - smoothstep(disk.radius - disk.edge, disk.radius + disk.edge, away));
 }
 
+// Places along a side of a texel at most: where features are larger than it, and where they are not.
+const int PLACES = 8;
+const int MOST_PLACES = 13;
+
 // How many places along each side of a texel must be looked at so that they are at most `finest` apart: a power of 2.
-int places_of(float footprint, float finest, int most) {
+int places_of(float footprint, float finest) {
     int count = 1;
-    while (count < most && footprint > finest * float(count)) {
+    while (count < PLACES && footprint > finest * float(count)) {
         count *= 2;
     }
     return count;
@@ -63,7 +67,21 @@ vec3 place_in_texel(vec3 normal, float footprint, int i, int count) {
     return footprint * (offset.x * along_x + offset.y * along_y);
 }
 
-// From the center of a texel to the farthest of its count * count places.
-float place_reach(float footprint, int count) {
-    return 0.70711 * footprint * (1.0 - 1.0 / float(count));
+// How a pattern is averaged over large texels: `band` is how far apart places may be, how large they may be, the size of
+// a texel that is looked at in the most places, and that of one that shows the mean alone, all mm; `mean` is that on
+// surfaces of all directions, and on the plane z = 0, where flat squares lie.
+
+// How much of the pattern a texel shows, the rest being its mean.
+float band_shown(vec4 band, float footprint) {
+    float x = footprint / band.w;
+    return max(1.0 - sqrt(x * sqrt(x * sqrt(x))), 0.0);
+}
+
+int band_places(vec4 band, float footprint) {
+    int count = places_of(footprint, band.x);
+    return count == PLACES && footprint > band.z ? MOST_PLACES : count;
+}
+
+float band_mean(vec2 mean, vec3 normal) {
+    return mix(mean.x, mean.y, smoothstep(0.98, 1.0, normal.z * normal.z));
 }

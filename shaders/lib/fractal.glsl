@@ -1,5 +1,4 @@
 #include "lib/band.glsl"
-#include "lib/filter.glsl"
 #include "lib/noise.glsl"
 #include "lib/site.glsl"
 
@@ -19,18 +18,13 @@ struct Fractal {
     float offset;
     float amplitude;
     float fade;
-    float finest;
     vec2 octave;
     vec2 levels;
-    float bias;
     int seed;
 };
 
 // An octave whose part of the texel's mean is less than this is not evaluated.
 const float FRACTAL_LEAST = 0.01;
-
-// Places along a side of a texel that is large for the pattern, at most.
-const int FRACTAL_PLACES = 8;
 
 // Three deviations of gradient noise become 1.
 const float FRACTAL_STRETCH = 1.745;
@@ -40,15 +34,14 @@ float fractal_octave(int kind, float noise) {
     return kind == FRACTAL_FBM ? noise : kind == FRACTAL_RIDGED ? (1.0 - size) * (1.0 - size) : size;
 }
 
-float fractal_point(int kind, Fractal p, vec3 position, float footprint) {
-    vec3 x = position / p.scale;
+float fractal(int kind, Fractal p, Site site) {
+    vec3 x = site.position / p.scale;
     vec3 whole = floor(x);
     ivec3 cell = ivec3(whole);
     vec3 fraction = x - whole;
-    float texel = footprint / p.scale;
+    float texel = site.footprint / p.scale;
     // The fade is a Gaussian, so half the size has its fourth power.
     float visible = exp(-min(p.fade * texel * texel, 80.0));
-    float coarsest = visible;
     float amplitude = p.amplitude;
     float t = p.offset;
     float lost = 0.0;
@@ -77,16 +70,5 @@ float fractal_point(int kind, Fractal p, vec3 position, float footprint) {
     }
     // What the texel averages out blurs the step of the levels; 5 is the square of half the width of a smooth step over
     // its variance.
-    float made = levels(t, p.levels, p.octave.y * sqrt(5.0 * lost));
-    return clamp(made + p.bias * (1.0 - coarsest * coarsest), 0.0, 1.0);
-}
-
-float fractal(int kind, Fractal p, Site site) {
-    int count = places_of(site.footprint, p.finest, FRACTAL_PLACES);
-    float sum = 0.0;
-    for (int i = 0; i < count * count; ++i) {
-        vec3 place = site.position + place_in_texel(site.normal, site.footprint, i, count);
-        sum += fractal_point(kind, p, place, site.footprint / float(count));
-    }
-    return sum / float(count * count);
+    return levels(t, p.levels, p.octave.y * sqrt(5.0 * lost));
 }

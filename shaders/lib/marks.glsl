@@ -96,27 +96,10 @@ float out_of_round(vec3 along, vec3 pull, float amount) {
     return squared * (1.0 - 0.35 * amount * dot(along, pull) / (1.0 + squared));
 }
 
-// The size of a texel, in cells, from which on no single mark shows.
-const float MARK_LARGEST_TEXEL = 4.0;
-
-// The size of a texel for marks, in cells.
-float mark_texel(float footprint, float cell) {
-    return min(footprint / cell, MARK_LARGEST_TEXEL);
-}
-
 // Squared radius, along one axis, of a bump seen through texels: a bump has the variance of a square as wide as its
 // radius, and variances add up. A mark so widened is the weaker by the ratio of the radii, which keeps its mean.
 float widened2(float radius, float texel) {
     return radius * radius + texel * texel;
-}
-
-// Places along a side of a texel that is large for the pattern, at most; see skincli/layers/marks.py.
-const int MARK_PLACES = 4;
-
-// 1 where texels, in cells, show single marks, 0 where they show their mean. Late, because the mean of a few marks
-// still differs from place to place.
-float marks_resolved(float texel) {
-    return 1.0 - smoothstep(1.0, MARK_LARGEST_TEXEL, texel);
 }
 
 // Four further numbers in [0, 1), of at least 8 bits, for all practical purposes independent of a mark's own.

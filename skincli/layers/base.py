@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypedDict
 
 import numpy as np
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
-from skincli.layers import hashing
 from skincli.layers.blend import Blend, Space, check_space
 from skincli.layers.pigments import PigmentRamps
 from skincli.layers.remap import Curve
@@ -302,6 +300,34 @@ class Pattern(Writing):
     def size(self) -> float:
         """Return the size of the pattern's largest features, mm."""
 
+    def finest(self) -> float | None:
+        """Return the size of a texel, mm, that one place stands for well enough.
+
+        Texels that are larger are looked at in several places, and fade to the mean of the pattern, which is measured.
+        None: the layer's function averages over texels of any size by itself.
+        """
+        return None
+
+    def curve_is_in_texture(self) -> bool:
+        """Whether the layer's texture holds what its curve makes of the pattern; else what is looked up is remapped."""
+        return False
+
+    def widest(self) -> float:
+        """Return the size of a texel, mm, up to which the function's own average over a texel keeps the mean."""
+        return WIDEST * self.grain()
+
+    def grain(self) -> float:
+        """Return the size, mm, of which features no longer show in texels that are many times as large."""
+        return self.size()
+
+    @classmethod
+    def local(cls, values: Mapping[str, Any], site: Site) -> Array:
+        """Return (n,) by how much the mean of the pattern differs from place to place: a factor.
+
+        The twin of the shader's `NAME_local(NAME_values p, Site site)`, which a layer that overrides this has.
+        """
+        return np.ones(len(site["footprint"]))
+
     def channels(self) -> dict[str, Flat | Ramp | Own]:
         pairs = {channel: getattr(self, channel) for channel in RAMPS}
         pairs |= {} if self.pigments is None else self.pigments.pairs()
@@ -310,6 +336,9 @@ class Pattern(Writing):
     def unread_in_mask(self) -> set[str]:
         return super().unread_in_mask() | {*RAMPS, "pigments"}
 
+
+#: Size of a texel, in sizes of its features, up to which most patterns' own average keeps their mean.
+WIDEST = 0.3
 
 #: channels to which a pattern gives a pair of values
 RAMPS = ("albedo", "height", "reflectance", "roughness", "specular", "scattering_radius")
@@ -323,29 +352,3 @@ LEVELS_FIELD: Any = Field(
 def joint_seed(skin: int, layer: int) -> int:
     """Return the seed of a layer in a skin: the sum, within the range of a GLSL int."""
     return (skin + layer) % 2**31
-
-
-def pattern_mean(layer: type[Layer], values: Mapping[str, Value], size: float) -> float:
-    """Return the mean of a pattern, to which it fades where the texels are too large to show it.
-
-    The mean of the twin over 8192 fixed points of a large volume, so that it holds for every remapping; its standard
-    error is below 0.005. It does not depend on the seed.
-
-    Parameters
-    ----------
-    layer : the class whose twin is evaluated
-    values : what its shader reads, without the mean itself
-    size : size of the largest features, mm
-    """
-    plain = {**values, "seed": 0, "mean": 0.0}
-    return _pattern_mean(layer, tuple(plain.items()), size)
-
-
-@cache
-def _pattern_mean(layer: type[Layer], values: tuple[tuple[str, Value], ...], size: float) -> float:
-    count = 8192
-    random = hashing.hash_cell(np.arange(count)[:, None] * np.array([1, 0, 0]), 0)
-    normal = random[:, [3, 0, 1]] - 0.5
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    points = site(random[:, :3] * 1000 * size, normal, np.zeros(count), random[:, :2])
-    return float(np.mean(layer.twin(dict(values), points, ())))

@@ -12,7 +12,7 @@ class Billow(Fractal):
     """Puffs between creases: absolute noise whose finer octaves sit on the coarser puffs and spare their creases."""
 
     fade = 2.0
-    finest = 1 / 12
+    fine = 1 / 16
 
     @staticmethod
     def octave(noise: Array) -> Array:

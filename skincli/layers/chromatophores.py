@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
+from skincli.layers.filtering import disk_of
 from skincli.layers.marks import along_surface, disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in radii of an open sac.
-FINEST = 0.2
-#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.75, 8.0
+FINEST = 0.12
 #: How far the muscles pull the edge of an open sac out of round, as a share of its radius.
 PULL = 0.15
 #: Half the width of a sac's edge, as a share of its radius.
@@ -50,9 +48,18 @@ class Chromatophores(Pattern):
             )
         return self
 
+    def finest(self) -> float:
+        return FINEST * self.open
+
+    def widest(self) -> float:
+        return 0.3 * self.spacing
+
+    def grain(self) -> float:
+        return (0.72 + 0.54 * self.jitter) * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
             "period": period,
             "closed": self.closed / cell,
@@ -62,42 +69,23 @@ class Chromatophores(Pattern):
             "jitter": self.jitter,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = site["footprint"] / values["cell"]
-        t = np.zeros(len(texel))
-        for part in filtering.looks(site, FINEST * values["open"] * values["cell"], 4):
-            t[part.chosen] = _sacs(values, part)
-        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
-        return (1 - shown) * values["mean"] + shown * t
-
-
-def _sacs(values: Mapping[str, Any], part: filtering.Looks) -> Array:
-    """Return the share that sacs cover of texels of which each is looked at in equally many places."""
-    cell, texel, normal = values["cell"], part.site["footprint"] / values["cell"], part.site["normal"]
-    place = texel / part.count
-    widest = filtering.disk_of(np.array(values["open"]), np.array(SOFTNESS * values["open"]), place).reach()
-    reach = np.where(texel < LAST, (1 + PULL) * widest + part.reach() / cell, 0)
-    marks = find_marks(
-        part.site["position"] / cell, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"]
-    )
-    variation, random = values["variation"], marks.more_random()
-    opened = np.clip((1 + variation) * values["expansion"] - variation * marks.random[..., 3], 0, 1)
-    radius = values["closed"] + opened * (values["open"] - values["closed"])
-    radius *= np.sqrt(marks.near) * (1 - 0.5 * variation * random[..., 3])
-    found = filtering.disk_of(radius, SOFTNESS * radius, place[:, None])
-    first = along_surface(random[..., :3] - 0.5, normal[:, None])
-    t = np.zeros(len(texel))
-    for step in part.steps:
-        away = marks.along - step[:, None] / cell
-        distance = np.sqrt(np.maximum(np.sum(away**2, axis=-1), 1e-12))
-        cosine = np.sum(away * first, axis=-1) / distance
-        sine = np.sum(np.cross(np.broadcast_to(normal[:, None], first.shape), first) * away, axis=-1) / distance
+        cell, texel, normal = values["cell"], site["footprint"] / values["cell"], site["normal"]
+        widest = disk_of(np.array(values["open"]), np.array(SOFTNESS * values["open"]), texel)
+        position, extent = site["position"] / cell, disk(normal, (1 + PULL) * widest.reach())
+        marks = find_marks(position, normal, extent, values["period"], values["jitter"], values["seed"])
+        variation, random = values["variation"], marks.more_random()
+        opened = np.clip((1 + variation) * values["expansion"] - variation * marks.random[..., 3], 0, 1)
+        radius = values["closed"] + opened * (values["open"] - values["closed"])
+        radius *= np.sqrt(marks.near) * (1 - 0.5 * variation * random[..., 3])
+        first = along_surface(random[..., :3] - 0.5, normal[:, None])
+        distance = np.sqrt(np.maximum(marks.squared(), 1e-12))
+        cosine = np.sum(marks.along * first, axis=-1) / distance
+        sine = np.sum(np.cross(np.broadcast_to(normal[:, None], first.shape), first) * marks.along, axis=-1) / distance
         edge = 1 - PULL * opened * (0.6 * _five(cosine) + 0.4 * _seven(sine))
-        t += 1 - np.prod(1 - found.at(distance * edge), axis=1)
-    return t / len(part.steps)
+        return 1 - np.prod(1 - disk_of(radius, SOFTNESS * radius, texel[:, None]).at(distance * edge), axis=1)
 
 
 def _five(x: Array) -> Array:

@@ -12,7 +12,9 @@ class Fbm(Fractal):
     """Fractional Brownian motion: cloudy mottling at many sizes, evaluated in space [Perlin1985]."""
 
     fade = 0.6
-    finest = 1 / 6
+    fine = 1 / 6
+    wide = 1.0
+    coarse = 1.0
 
     @staticmethod
     def octave(noise: Array) -> Array:

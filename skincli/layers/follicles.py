@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import marks
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 
 
 class Part(IntEnum):
@@ -58,12 +57,16 @@ class Follicles(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return (
+            min(marks.FINEST * self.spacing, 0.5 * self.radius) if self.part == "rim" else marks.FINEST * self.spacing
+        )
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "part": Part[self.part.upper()],
             "cell": cell,
-            "finest": marks.FINEST * cell,
             "period": period,
             "radius": self.radius / cell,
             "elongation": self.elongation,
@@ -72,43 +75,37 @@ class Follicles(Pattern):
             "variation": self.variation,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return marks.seen(values, site, partial(_point, values))
+        part, normal = values["part"], site["normal"]
+        texel = site["footprint"] / values["cell"]
+        hair = marks.along_surface(np.array(values["direction"]), normal)
+        shift = DOT_SHIFT * values["radius"] if part == Part.DOT else 0.0
+        largest = values["radius"] * (RIM_REACH if part == Part.RIM else 1.0)
+        reach = np.sqrt(marks.widened2(largest * values["elongation"], texel)) + shift
+        found = marks.find_marks(
+            site["position"] / values["cell"],
+            normal,
+            marks.disk(normal, reach),
+            values["period"],
+            values["jitter"],
+            values["seed"],
+        )
+        along = found.along + shift * hair[:, None]
+        ahead = np.einsum("nmi,ni->nm", along, hair)
+        distance2 = np.sum(along**2, axis=-1)
 
+        def bump(radius: Array) -> Array:
+            wide2 = marks.widened2(radius, texel[:, None])
+            long2 = marks.widened2(radius * values["elongation"], texel[:, None])
+            squared = ahead**2 * (1 / long2 - 1 / wide2) + distance2 / wide2
+            return radius**2 * values["elongation"] / np.sqrt(wide2 * long2) * marks.bump(squared)
 
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-    part, normal = values["part"], site["normal"]
-    texel = marks.texel(site["footprint"], values["cell"])
-    hair = marks.along_surface(np.array(values["direction"]), normal)
-    shift = DOT_SHIFT * values["radius"] if part == Part.DOT else 0.0
-    largest = values["radius"] * (RIM_REACH if part == Part.RIM else 1.0)
-    reach = np.sqrt(marks.widened2(largest * values["elongation"], texel)) + shift
-    found = marks.find_marks(
-        site["position"] / values["cell"],
-        normal,
-        marks.disk(normal, reach),
-        values["period"],
-        values["jitter"],
-        values["seed"],
-    )
-    along = found.along + shift * hair[:, None]
-    ahead = np.einsum("nmi,ni->nm", along, hair)
-    distance2 = np.sum(along**2, axis=-1)
-
-    def bump(radius: Array) -> Array:
-        wide2 = marks.widened2(radius, texel[:, None])
-        long2 = marks.widened2(radius * values["elongation"], texel[:, None])
-        squared = ahead**2 * (1 / long2 - 1 / wide2) + distance2 / wide2
-        return radius**2 * values["elongation"] / np.sqrt(wide2 * long2) * marks.bump(squared)
-
-    radius = values["radius"] * (1 - 0.5 * values["variation"] * found.more_random()[..., 3])
-    if part == Part.RIM:
-        t = RIM_PEAK * (bump(RIM_REACH * radius) - bump(radius))
-    else:
-        t = bump(radius if part == Part.PIT else DOT_RADIUS * radius)
-    untouched = np.prod(1 - found.near * (1 - values["variation"] * found.random[..., 3]) * t, axis=1)
-    return 1 - untouched
+        radius = values["radius"] * (1 - 0.5 * values["variation"] * found.more_random()[..., 3])
+        if part == Part.RIM:
+            t = RIM_PEAK * (bump(RIM_REACH * radius) - bump(radius))
+        else:
+            t = bump(radius if part == Part.PIT else DOT_RADIUS * radius)
+        untouched = np.prod(1 - found.near * (1 - values["variation"] * found.random[..., 3]) * t, axis=1)
+        return 1 - untouched

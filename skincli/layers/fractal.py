@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -20,10 +20,7 @@ from skincli.layers.base import (
     UnitRamp,
     Value,
     joint_seed,
-    pattern_mean,
 )
-from skincli.layers.base import site as site_of
-from skincli.layers.filtering import sampled
 
 #: Standard deviation of shaders/lib/noise.glsl gradient_noise over space; a test measures it.
 NOISE_DEVIATION = 0.191
@@ -31,8 +28,6 @@ NOISE_DEVIATION = 0.191
 STRETCH = 1.745
 #: An octave whose part of a texel's mean is less is not evaluated; FRACTAL_LEAST in the shader.
 LEAST = 0.01
-#: Places along a side of a texel that is large for the pattern, at most; FRACTAL_PLACES in the shader.
-PLACES = 8
 
 Kind = Literal["fbm", "ridged", "billow", "turbulence"]
 
@@ -43,7 +38,11 @@ class Fractal(Pattern):
     #: share of an octave that is left in the mean over texels of its size: exp(-fade)
     fade: ClassVar[float]
     #: size of a texel that one place stands for well enough, in units of the scale
-    finest: ClassVar[float]
+    fine: ClassVar[float]
+    #: likewise, up to which the octaves' own average keeps the mean
+    wide: ClassVar[float] = 0.15
+    #: size of what vanishes last in large texels: the stronger the contrast, the more slowly it must
+    coarse: ClassVar[float] = 1.25
 
     scale: float = Field(default=10.0, ge=0.01, le=10000, description="size of the largest features, mm")
     octaves: int = Field(default=5, ge=1, le=12, description="how many sizes are summed, each half of the one before")
@@ -69,10 +68,19 @@ class Fractal(Pattern):
     def size(self) -> float:
         return self.scale
 
+    def finest(self) -> float:
+        return self.fine * self.scale * steepness(self.levels)
+
+    def widest(self) -> float:
+        return self.wide * self.scale
+
+    def grain(self) -> float:
+        return self.coarse * self.scale / steepness(self.levels) ** 0.2
+
     def values(self, ground: Ground) -> dict[str, Value]:
         scale, period = ground.fit(self.scale)
         low, high = self.span()
-        values: dict[str, Value] = {
+        return {
             "scale": scale,
             "period": period,
             "octaves": self.octaves,
@@ -80,46 +88,23 @@ class Fractal(Pattern):
             "offset": -low / (high - low),
             "amplitude": 1 / (high - low),
             "fade": self.fade,
-            "finest": self.finest * scale * steepness(self.levels),
             "octave": _moments(type(self)),
             "levels": self.levels,
             "seed": joint_seed(ground.seed, self.seed),
-            "bias": 0.0,
         }
-        return values | {"bias": bias_of(type(self), values, scale, partial(_point, type(self), values))}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return sampled(site, values["finest"], PLACES, partial(_point, cls, values))
-
-
-def bias_of(layer: type[Pattern], values: Mapping[str, Value], size: float, point: Callable[[Site], Array]) -> float:
-    """Return what must be added where nothing is resolved: the levels of the mean are not quite the mean of the levels.
-
-    Parameters
-    ----------
-    layer : the class of the pattern
-    values : what its shader reads, the bias 0
-    size : of its features, mm
-    point : the pattern without supersampling
-    """
-    far = site_of(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.array([1e6 * size]))
-    return pattern_mean(layer, values, size) - float(point(far)[0])
+        deviation = values["octave"][1]
+        coarsest = np.exp(-np.minimum(values["fade"] * (site["footprint"] / values["scale"]) ** 2, 80))
+        raw, lost = _sum(cls, values, site["position"] / values["scale"], coarsest)
+        t = values["offset"] + values["amplitude"] * raw
+        return hashing.levels(t, values["levels"], deviation * values["amplitude"] * np.sqrt(5 * lost))
 
 
 def steepness(levels: tuple[float, ...]) -> float:
     """Return by how much smaller texels must be where levels pick out a small part of a pattern, at least 1/8."""
-    return min(max(3 * abs(levels[1] - levels[0]), 0.125), 1.0)
-
-
-def _point(cls: type[Fractal], values: Mapping[str, Any], site: Site) -> Array:
-    """Twin of `fractal_point`: (n,)."""
-    deviation = values["octave"][1]
-    coarsest = np.exp(-np.minimum(values["fade"] * (site["footprint"] / values["scale"]) ** 2, 80))
-    raw, lost = _sum(cls, values, site["position"] / values["scale"], coarsest)
-    t = values["offset"] + values["amplitude"] * raw
-    made = hashing.levels(t, values["levels"], deviation * values["amplitude"] * np.sqrt(5 * lost))
-    return np.clip(made + values["bias"] * (1 - coarsest**2), 0, 1)
+    return min(max(2 * abs(levels[1] - levels[0]), 0.125), 1.0)
 
 
 def _sum(cls: type[Fractal], values: Mapping[str, Any], x: Array, visible: Array) -> tuple[Array, Array]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import hashing, marks
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 from skincli.layers.filtering import Disk, disk_of
 
 #: Size of the swirls that fray the outline of a freckle, in its radii.
@@ -49,13 +48,15 @@ class Freckles(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return min(marks.FINEST * self.spacing, 0.3 * self.radius)
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
         cluster, cluster_period = ground.fit(self.cluster)
         ragged, ragged_period = ground.fit(RAGGED * self.radius)
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
-            "finest": marks.FINEST * cell,
             "period": period,
             "radius": self.radius / cell,
             "edge": EDGE,
@@ -69,32 +70,38 @@ class Freckles(Pattern):
             "clustering": CROWDING * self.clustering,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cluster)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return marks.seen(values, site, partial(_point, values))
+        texel = site["footprint"] / values["cell"]
+        position, normal, seed = site["position"], site["normal"], values["seed"]
+        crowd = _crowd(values, site)
+        fray = values["irregularity"] * values["radius"]
+        ragged = hashing.value_noise(*hashing.split(position / values["ragged"]), values["ragged_period"], seed + 2)
+        ragged = ragged * (fray * hashing.resolved(values["ragged"], site["footprint"]))[:, None]
+        ragged = ragged - np.sum(ragged * normal, axis=1, keepdims=True) * normal
+
+        def disk(radius: Array | float, texel: Array) -> Disk:
+            return disk_of(values["edge"] * radius, values["softness"] * radius, texel)
+
+        extent = marks.disk(normal, disk(values["radius"], texel).reach() + np.sqrt(3) * fray)
+        found = marks.find_marks(position / values["cell"], normal, extent, values["period"], 1.0, seed)
+        more = found.more_random()
+        radius = values["radius"] * (1 - values["variation"] * more[..., 3])
+        shows = np.clip(4 * (crowd[:, None] - found.random[..., 3]) + 0.5, 0, 1) * (
+            1 - values["variation"] * more[..., 0]
+        )
+        away = np.sqrt(np.sum((found.along + ragged[:, None]) ** 2, axis=-1))
+        untouched = np.prod(1 - found.near * shows * disk(radius, texel[:, None]).at(away), axis=1)
+        return 1 - untouched
+
+    @classmethod
+    def local(cls, values: Mapping[str, Any], site: Site) -> Array:
+        return np.clip(_crowd(values, site), 0, 1)
 
 
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-    texel = marks.texel(site["footprint"], values["cell"])
-    position, normal, seed = site["position"], site["normal"], values["seed"]
-    cluster = hashing.split(position / values["cluster"])
-    crowd = 0.5 + values["clustering"] * hashing.gradient_noise(*cluster, values["cluster_period"], seed + 1)
-    fray = values["irregularity"] * values["radius"]
-    ragged = hashing.value_noise(*hashing.split(position / values["ragged"]), values["ragged_period"], seed + 2)
-    ragged = ragged * (fray * hashing.resolved(values["ragged"], site["footprint"]))[:, None]
-    ragged = ragged - np.sum(ragged * normal, axis=1, keepdims=True) * normal
-
-    def disk(radius: Array | float, texel: Array) -> Disk:
-        return disk_of(values["edge"] * radius, values["softness"] * radius, texel)
-
-    extent = marks.disk(normal, disk(values["radius"], texel).reach() + np.sqrt(3) * fray)
-    found = marks.find_marks(position / values["cell"], normal, extent, values["period"], 1.0, seed)
-    more = found.more_random()
-    radius = values["radius"] * (1 - values["variation"] * more[..., 3])
-    shows = np.clip(4 * (crowd[:, None] - found.random[..., 3]) + 0.5, 0, 1) * (1 - values["variation"] * more[..., 0])
-    away = np.sqrt(np.sum((found.along + ragged[:, None]) ** 2, axis=-1))
-    untouched = np.prod(1 - found.near * shows * disk(radius, texel[:, None]).at(away), axis=1)
-    return 1 - untouched
+def _crowd(values: Mapping[str, Any], site: Site) -> Array:
+    """Return (n,) the share of the freckles that show, 0.5 in the middle; it may lie outside of 0 to 1."""
+    cluster = hashing.split(site["position"] / values["cluster"])
+    noise = hashing.gradient_noise(*cluster, values["cluster_period"], values["seed"] + 1)
+    return 0.5 + values["clustering"] * hashing.resolved(values["cluster"], site["footprint"]) * noise

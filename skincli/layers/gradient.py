@@ -28,6 +28,9 @@ class Shape(IntEnum):
     SMOOTH = 1
 
 
+#: Texels that are smaller, in halves of the way from 0 to 1, see a line and not its ends: differences lose digits.
+WIDE = 0.02
+
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -93,7 +96,16 @@ class Gradient(Pattern):
         else:
             # By the arc tangent, which is exact at every angle, as an arc cosine is not.
             place = np.degrees(np.arctan2(across, normal @ axis))
-        widening = {Shape.LINEAR: 0.5, Shape.SMOOTH: EDGE_PER_TEXEL}[values["shape"]]
-        reach = np.hypot(values["reach"], widening * texel)
-        t = np.clip(0.5 + values["sense"] * (place - values["middle"]) / reach, 0, 1)
-        return t if values["shape"] == Shape.LINEAR else t * t * (3 - 2 * t)
+        away = 2 * values["sense"] * (place - values["middle"])
+        if values["shape"] == Shape.SMOOTH:
+            t = np.clip(0.5 + 0.5 * away / np.hypot(values["reach"], EDGE_PER_TEXEL * texel), 0, 1)
+            return t * t * (3 - 2 * t)
+        wide = texel / values["reach"]
+        x = np.clip(away / values["reach"], -1 - 0.5 * wide, 1 + 0.5 * wide)
+        mean = (_integral(x + 0.5 * wide) - _integral(x - 0.5 * wide)) / np.maximum(wide, WIDE)
+        return np.where(wide < WIDE, np.clip(0.5 + 0.5 * x, 0, 1), mean)
+
+
+def _integral(x: Array) -> Array:
+    """Return the integral of a line that runs from 0 at -1 to 1 at 1."""
+    return 0.25 * (np.clip(x, -1, 1) + 1) ** 2 + np.maximum(x - 1, 0)

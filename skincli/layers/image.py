@@ -15,8 +15,9 @@ from pydantic import Field, model_validator
 
 from skincli.color import REC709_LUMA
 from skincli.files import PicturePath, file_digest
-from skincli.layers import filtering, hashing, histogram
+from skincli.layers import hashing, histogram, remap
 from skincli.layers.base import Array, Flat, Ground, Own, Pattern, Ramp, Site, Texture, Value, joint_seed
+from skincli.layers.filtering import places_in_texel, places_of
 
 #: Distance of the corners of a patch, in pictures: a patch spans about a third of the picture [Heitz2018].
 PATCH = 1 / (2 * math.sqrt(3))
@@ -100,16 +101,45 @@ class Picture(Texture):
 
 
 @dataclass(frozen=True)
+class Curved(Texture):
+    """A grey picture that is remapped, so that means over it are means of what the curve makes of it.
+
+    Parameters
+    ----------
+    picture : the picture
+    range : what 0 and 1 in it mean
+    curve : control points
+    """
+
+    picture: Picture
+    range: tuple[float, ...]
+    curve: remap.Points
+
+    @property
+    def format(self) -> str:  # type: ignore[override]
+        return self.picture.format
+
+    @property
+    def key(self) -> str:
+        return f"{self.picture.key} {self.range} {self.curve}"
+
+    def make(self) -> NDArray[np.float32]:
+        low, high = self.range
+        t = low + (high - low) * self.picture.make().astype(np.float64)
+        return remap.remap(self.curve, t).astype(np.float32)
+
+
+@dataclass(frozen=True)
 class Prepared(Texture):
     """What `skincli.layers.histogram` makes of a picture.
 
     Parameters
     ----------
-    picture : the picture
+    picture : the picture, as it is or remapped
     part : Gaussian values, or the table that leads from these to the picture's own
     """
 
-    picture: Picture
+    picture: Picture | Curved
     part: Literal["gaussian", "table"]
 
     @property
@@ -223,6 +253,9 @@ class Image(Pattern):
     def size(self) -> float:
         return self.tile_size or 10.0
 
+    def curve_is_in_texture(self) -> bool:
+        return self.curve is not None and self.role == "grey"
+
     def values(self, ground: Ground) -> dict[str, Value]:
         # The period of a tileable map, in mm or in squares of uv, as the picture is laid.
         whole = None if ground.period is None else 1.0 if self.tile_size is None else ground.period
@@ -246,7 +279,7 @@ class Image(Pattern):
             "tile": tile,
             "projection": Projection.UV if self.tile_size is None else Projection.POSITION,
             "grey": tuple(map(float, grey)),
-            "range": self.range,
+            "range": (0.0, 1.0) if self.curve_is_in_texture() else self.range,
             "period": period,
             "step": step,
             "cells": cells,
@@ -256,7 +289,10 @@ class Image(Pattern):
     def textures(self, ground: Ground) -> tuple[Texture, ...]:
         reading: Reading = "normal" if self.role in ("normal_gl", "normal_dx") else self.role  # type: ignore[assignment]
         # The shader reads single texels and looks itself for what lies beyond the edge.
-        picture = Picture(False, self.file, reading)
+        read = Picture(False, self.file, reading)
+        picture: Picture | Curved = read
+        if self.curve is not None and self.curve_is_in_texture():
+            picture = Curved(False, read, self.range, self.curve)
         if self.tile != "histogram_preserving":
             return (picture,)
         return Prepared(False, picture, "gaussian"), Prepared(False, picture, "table")
@@ -357,14 +393,17 @@ def _synthesize(values: Mapping[str, Any], site: Site, levels: Sequence[Array], 
     """Return (n, 4) the mean over each texel of what is synthesized, in the picture's own values."""
     along = np.empty((len(site["footprint"]), 4))
     period, side = values["period"], max(levels[0].shape[:2])
-    for part in filtering.looks(site, period / side, PLACES):
-        texel = part.site["footprint"] / (period * part.count)
+    counts = np.minimum(places_of(site["footprint"], period / side), PLACES)
+    for count in np.unique(counts):
+        chosen = counts == count
+        position, normal, footprint = (site[key][chosen] for key in ("position", "normal", "footprint"))
+        texel = footprint / (period * count)
         level = np.clip(np.log2(np.maximum(texel * side, 1)), 0, len(levels) - 1)
         left = hashing.resolved(values["step"], texel)
-        facing = _facing(part.site["normal"])
+        facing = _facing(normal)
         found = []
-        for step in part.steps:
-            planes = _planes((part.site["position"] + step) / period)
+        for step in places_in_texel(normal, footprint, count):
+            planes = _planes((position + step) / period)
             total, power = np.zeros((len(texel), 4)), np.zeros(len(texel))
             for plane, (tile, share) in enumerate(zip(planes, facing, strict=True)):
                 for weight, place in _patches(values, tile, plane):
@@ -373,7 +412,7 @@ def _synthesize(values: Mapping[str, Any], site: Site, levels: Sequence[Array], 
                     power += weight**2
             total *= (left / np.sqrt(np.maximum(power, 1e-12)))[:, None]
             found.append(_restore(total, level, table))
-        along[part.chosen] = np.mean(found, axis=0)
+        along[chosen] = np.mean(found, axis=0)
     axes, (lowest, highest) = table[-6:-2, 0], table[-2:, 0]
     return np.clip(along @ axes, lowest, highest)
 

@@ -6,7 +6,7 @@ of one cell squared there is one mark, so that a cell is as large as the marks a
 
 In a shader all marks that may reach the site are walked through like this:
 
-    float texel = mark_texel(site.footprint, p.cell);
+    float texel = site.footprint / p.cell;
     float wide2 = widened2(p.radius, texel);
     float untouched = 1.0;
     Marks marks = find_marks(site.position / p.cell, site.normal, sqrt(wide2));
@@ -18,18 +18,16 @@ In a shader all marks that may reach the site are walked through like this:
             untouched *= 1.0 - mark.near * p.radius * p.radius / wide2 * bump;
         }
     }
-    return mix(p.mean, 1.0 - untouched, marks_resolved(texel));
+    return 1.0 - untouched;
 
 and in its twin, where the marks are a second axis, those out of reach among them:
 
-    texel = marks.texel(site["footprint"], cell)
+    texel = site["footprint"] / cell
     wide2 = marks.widened2(radius, texel)
     extent = marks.disk(site["normal"], np.sqrt(wide2))
     found = marks.find_marks(site["position"] / cell, site["normal"], extent, period, jitter, seed)
     bump = marks.bump(found.squared() / wide2[:, None])
-    untouched = np.prod(1 - found.near * radius**2 / wide2[:, None] * bump, axis=1)
-    visible = marks.resolved(texel)
-    return (1 - visible) * mean + visible * (1 - untouched)
+    return 1 - np.prod(1 - found.near * radius**2 / wide2[:, None] * bump, axis=1)
 
 A mark must not reach farther than what is searched: the cells are then all that can hold one, at most 8 for radii up
 to 0.4 and fewer for small ones, and more where marks are widened for large texels.
@@ -37,33 +35,27 @@ to 0.4 and fewer for small ones, and more where marks are widened for large texe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from skincli.layers import hashing
-from skincli.layers.base import Site
-from skincli.layers.filtering import sampled
 
 Array = NDArray[np.float64]
 
 #: A mark farther from the surface than this does not show, in cells.
 SHELL = 0.3
-#: The size of a texel, in cells, from which on no single mark shows.
-LARGEST_TEXEL = 4.0
 #: Where in its layer of cells a flat square lies: by one of the two lattices, and with all its marks in that layer.
 ASIDE = 0.3125
 #: A mark nearer to the surface than this shows in full, in cells.
 CORE = 0.2
 
 #: Marks whose shape widens only roughly, or that hide each other, are looked at in several places of a texel larger
-#: than this, in cells; in so many along a side at most.
+#: than this, in cells.
 FINEST = 0.15
-PLACES = 4
 
 
 def _points_somewhere(direction: tuple[float, ...]) -> tuple[float, ...]:
@@ -184,36 +176,9 @@ def out_of_round(along: Array, pull: Array, amount: float) -> Array:
     return squared * (1 - 0.35 * amount * np.sum(along * pull, axis=-1) / (1 + squared))
 
 
-def texel(footprint: Array, cell: float) -> Array:
-    """Return the size of texels for marks, in cells."""
-    return np.minimum(footprint / cell, LARGEST_TEXEL)
-
-
 def widened2(radius: Array | float, texel: Array) -> Array:
     """Return the squared radius of a bump seen through texels; weakened by the ratio of the areas it keeps its mean.
 
     The variance of a bump along an axis is radius² / 12, that of a texel's square texel² / 12; they add up.
     """
     return radius**2 + texel**2
-
-
-def resolved(texel: Array) -> Array:
-    """Return 1 where texels, in cells, show single marks, 0 where they show their mean."""
-    return 1 - hashing.smoothstep(1, LARGEST_TEXEL, texel)
-
-
-def seen(values: Mapping[str, Any], site: Site, point: Callable[[Site], Array]) -> Array:
-    """Return (n,): a pattern of marks looked at in several places of large texels, fading to its mean.
-
-    Parameters
-    ----------
-    values : what the layer's shader reads; of these `cell`, mm, `finest`, mm, and `mean`
-    site : n points
-    point : the pattern in one place
-    """
-    visible = resolved(site["footprint"] / values["cell"])
-    shown = visible > 0
-    part: Site = {key: array[shown] for key, array in site.items()}  # type: ignore[index, assignment]
-    t = np.full(len(visible), values["mean"])
-    t[shown] += visible[shown] * (sampled(part, values["finest"], PLACES, point) - t[shown])
-    return t

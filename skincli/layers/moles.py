@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import marks
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 from skincli.layers.filtering import Disk, disk_of
 
 
@@ -51,9 +51,12 @@ class Moles(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return min(marks.FINEST * self.spacing, 0.5 * self.radius)
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "part": Part[self.part.upper()],
             "cell": cell,
             "period": period,
@@ -66,11 +69,10 @@ class Moles(Pattern):
             "jitter": self.jitter,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = marks.texel(site["footprint"], values["cell"])
+        texel = site["footprint"] / values["cell"]
         spot = values["part"] == Part.SPOT
 
         def disk(radius: Array, texel: Array) -> Disk:
@@ -98,6 +100,4 @@ class Moles(Pattern):
             squared = marks.out_of_round(found.along / np.sqrt(wide2)[..., None], pull, values["irregularity"])
             raised = np.clip(4 * (values["raised"] - found.random[..., 3]), 0, 1)
             t = radius**2 / wide2 * raised * marks.bump(squared)
-        untouched = np.prod(1 - found.near * t, axis=1)
-        visible = marks.resolved(texel)
-        return (1 - visible) * values["mean"] + visible * (1 - untouched)
+        return 1 - np.prod(1 - found.near * t, axis=1)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from skincli.layers import hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
-from skincli.layers.filtering import sampled
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 from skincli.layers.fractal import NOISE_DEVIATION
 
 #: Sizes of the noises' cells, in scales: such that the places of large texels do not all meet the same spot of a cell.
@@ -22,9 +20,8 @@ FINE = 0.42
 DEVIATION = 0.16
 #: The net: height of its lines above the middle of the range, how steeply they fall, how rounded they are.
 BORDER = (0.5, 3.2, 0.0016)
-#: Texels larger than this, in scales, are looked at in several places; in so many along a side at most.
+#: Texels larger than this, in scales, are looked at in several places.
 FINEST = 0.08
-PLACES = 8
 
 
 class Mottling(Pattern):
@@ -37,11 +34,17 @@ class Mottling(Pattern):
     def size(self) -> float:
         return self.scale
 
+    def finest(self) -> float:
+        return FINEST * self.scale
+
+    def grain(self) -> float:
+        return FINE * self.scale
+
     def values(self, ground: Ground) -> dict[str, Value]:
         scale, period = ground.fit(LARGE * self.scale)
         fine, fine_period = ground.fit(FINE * self.scale)
         amplitude = DEVIATION / (NOISE_DEVIATION * math.hypot(1, self.detail))
-        values: dict[str, Value] = {
+        return {
             "scale": scale,
             "period": period,
             "fine": fine,
@@ -50,27 +53,18 @@ class Mottling(Pattern):
             "net": self.net,
             "amplitude": amplitude,
             "border": BORDER,
-            "finest": FINEST * scale,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, scale)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        visible = 1 - hashing.smoothstep(1, 8, site["footprint"] / values["scale"])
-        t = sampled(site, values["finest"], PLACES, partial(_point, values))
-        return (1 - visible) * values["mean"] + visible * t
 
+        def noise(scale: float, period: int, seed: int) -> Array:
+            return hashing.gradient_noise(*hashing.split(site["position"] / scale), period, seed)
 
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-
-    def noise(scale: float, period: int, seed: int) -> Array:
-        return hashing.gradient_noise(*hashing.split(site["position"] / scale), period, seed)
-
-    large = noise(values["scale"], values["period"], values["seed"])
-    small = noise(values["fine"], values["fine_period"], values["seed"] + 1)
-    raw = values["amplitude"] * (large + values["detail"] * small)
-    height, steepness, rounding = values["border"]
-    border = height - steepness * np.sqrt((values["amplitude"] * small) ** 2 + rounding)
-    return hashing.smoothstep(0, 1, 0.5 + (1 - values["net"]) * raw + values["net"] * border)
+        large = noise(values["scale"], values["period"], values["seed"])
+        small = noise(values["fine"], values["fine_period"], values["seed"] + 1)
+        raw = values["amplitude"] * (large + values["detail"] * small)
+        height, steepness, rounding = values["border"]
+        border = height - steepness * np.sqrt((values["amplitude"] * small) ** 2 + rounding)
+        return hashing.smoothstep(0, 1, 0.5 + (1 - values["net"]) * raw + values["net"] * border)

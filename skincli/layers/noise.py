@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -12,8 +11,7 @@ from pydantic import Field
 
 from skincli.layers import hashing
 from skincli.layers.base import LEVELS_FIELD, Array, Ground, Pattern, Site, UnitRamp, Value, joint_seed
-from skincli.layers.filtering import sampled
-from skincli.layers.fractal import NOISE_DEVIATION, PLACES, bias_of, steepness
+from skincli.layers.fractal import NOISE_DEVIATION, steepness
 
 
 class Kind(IntEnum):
@@ -48,43 +46,43 @@ class Noise(Pattern):
     def size(self) -> float:
         return self.scale
 
+    def finest(self) -> float:
+        return FINEST[Kind[self.pattern.upper()]] * self.scale * steepness(self.levels)
+
+    def widest(self) -> float:
+        return self.scale
+
+    def grain(self) -> float:
+        return (2.2 if self.pattern == "value" else 1.0) * self.scale / steepness(self.levels) ** 0.25
+
     def values(self, ground: Ground) -> dict[str, Value]:
         kind = Kind[self.pattern.upper()]
         # The lattice of tetrahedra repeats along x and y after every third step.
         cells = 3 if kind == Kind.SIMPLEX else 1
         block, period = ground.fit(cells * self.scale)
         scale = block / cells
-        values: dict[str, Value] = {
+        return {
             "kind": kind,
             "scale": scale,
             "period": period,
             "amplitude": 1 / (2 * REACH[kind] * DEVIATION[kind]),
             "deviation": 1 / (2 * REACH[kind]),
             "fade": FADE[kind],
-            "finest": FINEST[kind] * scale * steepness(self.levels),
             "levels": self.levels,
             "seed": joint_seed(ground.seed, self.seed),
-            "bias": 0.0,
         }
-        return values | {"bias": bias_of(type(self), values, scale, partial(_point, values))}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return sampled(site, values["finest"], PLACES, partial(_point, values))
-
-
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Twin of `noise_point`: (n,)."""
-    cells, period, seed = site["position"] / values["scale"], values["period"], values["seed"]
-    if values["kind"] == Kind.VALUE:
-        noise = hashing.value_noise(*hashing.split(cells), period, seed)[:, 0]
-    elif values["kind"] == Kind.GRADIENT:
-        noise = hashing.gradient_noise(*hashing.split(cells), period, seed)
-    else:
-        noise = hashing.simplex_noise(*hashing.split(cells), period, seed)
-    visible = np.exp(-np.minimum(values["fade"] * (site["footprint"] / values["scale"]) ** 2, 80))
-    lost = 1 - visible**2
-    made = hashing.levels(
-        0.5 + values["amplitude"] * visible * noise, values["levels"], values["deviation"] * np.sqrt(5 * lost)
-    )
-    return np.clip(made + values["bias"] * lost, 0, 1)
+        cells, period, seed = site["position"] / values["scale"], values["period"], values["seed"]
+        if values["kind"] == Kind.VALUE:
+            noise = hashing.value_noise(*hashing.split(cells), period, seed)[:, 0]
+        elif values["kind"] == Kind.GRADIENT:
+            noise = hashing.gradient_noise(*hashing.split(cells), period, seed)
+        else:
+            noise = hashing.simplex_noise(*hashing.split(cells), period, seed)
+        visible = np.exp(-np.minimum(values["fade"] * (site["footprint"] / values["scale"]) ** 2, 80))
+        lost = 1 - visible**2
+        return hashing.levels(
+            0.5 + values["amplitude"] * visible * noise, values["levels"], values["deviation"] * np.sqrt(5 * lost)
+        )

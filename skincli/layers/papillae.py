@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers import hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 from skincli.layers.marks import along_surface, disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in radii of a papilla.
 FINEST = 0.2
-#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.75, 8.0
 #: By how many squared texels the squared radius grows, so that the variance of the cone grows by 1/12.
 SPREAD = 5 / 6
 #: Radius, in texels, by which a point is rounded.
@@ -53,9 +51,15 @@ class Papillae(Pattern):
             )
         return self
 
+    def finest(self) -> float:
+        return FINEST * 0.5 * self.diameter
+
+    def widest(self) -> float:
+        return 0.1 * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
             "period": period,
             "radius": 0.5 * self.diameter / cell,
@@ -65,39 +69,24 @@ class Papillae(Pattern):
             "jitter": self.jitter,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = site["footprint"] / values["cell"]
-        t = np.zeros(len(texel))
-        for part in filtering.looks(site, FINEST * values["radius"] * values["cell"], 4):
-            t[part.chosen] = _cones(values, part)
-        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
-        return (1 - shown) * values["mean"] + shown * t
-
-
-def _cones(values: Mapping[str, Any], part: filtering.Looks) -> Array:
-    """Return the height of the papillae in texels of which each is looked at in equally many places."""
-    cell, texel, normal = values["cell"], part.site["footprint"] / values["cell"], part.site["normal"]
-    place2 = (texel / part.count) ** 2
-    reach = np.where(texel < LAST, np.sqrt(values["radius"] ** 2 + SPREAD * place2) + part.reach() / cell, 0)
-    marks = find_marks(
-        part.site["position"] / cell, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"]
-    )
-    random = marks.more_random()
-    size = 1 - values["variation"] * (1 - marks.random[..., 3] ** 2)
-    own2 = np.maximum(np.sqrt(marks.near) * (values["radius"] * (0.4 + 0.6 * size)) ** 2, 1e-6)
-    radius2 = own2 + SPREAD * place2[:, None]
-    radius = np.sqrt(radius2)
-    heading = along_surface(random[..., :3] - 0.5, normal[:, None])
-    lean = values["lean"] * random[..., 3]
-    clear = 1 - hashing.smoothstep(0.1, 0.4, np.sqrt(place2)[:, None] / radius)
-    rounding = ROUNDING**2 * place2[:, None] / radius2
-    t = np.zeros(len(texel))
-    for step in part.steps:
+        cell, texel, normal = values["cell"], site["footprint"] / values["cell"], site["normal"]
+        reach = np.sqrt(values["radius"] ** 2 + SPREAD * texel**2)
+        position, extent = site["position"] / cell, disk(normal, reach)
+        marks = find_marks(position, normal, extent, values["period"], values["jitter"], values["seed"])
+        random = marks.more_random()
+        size = 1 - values["variation"] * (1 - marks.random[..., 3] ** 2)
+        own2 = np.maximum(np.sqrt(marks.near) * (values["radius"] * (0.4 + 0.6 * size)) ** 2, 1e-6)
+        radius2 = own2 + SPREAD * texel[:, None] ** 2
+        radius = np.sqrt(radius2)
+        heading = along_surface(random[..., :3] - 0.5, normal[:, None])
+        lean = values["lean"] * random[..., 3]
+        clear = 1 - hashing.smoothstep(0.1, 0.4, texel[:, None] / radius)
+        rounding = ROUNDING**2 * texel[:, None] ** 2 / radius2
         # From the point to the place, in radii; the slice of the cone on which the place lies solves a quadratic.
-        away = (step[:, None] / cell - marks.along) / radius[..., None] - lean[..., None] * heading
+        away = -marks.along / radius[..., None] - lean[..., None] * heading
         squared = np.sum(away**2, axis=-1)
         ahead = np.sum(away * heading, axis=-1)
         down = (lean * ahead + np.sqrt((lean * ahead) ** 2 + (1 - lean**2) * squared)) / (1 - lean**2)
@@ -105,5 +94,4 @@ def _cones(values: Mapping[str, Any], part: filtering.Looks) -> Array:
         ridge = 2 * (8 * cosine2 * (cosine2 - 1) + 1) ** 2 - 1
         down = down + 4 * values["ridges"] * clear * ridge * down * down * np.maximum(1 - down, 0)
         up = np.maximum(1 - np.sqrt(down * down + rounding), 0)
-        t += 1 - np.prod(1 - np.sqrt(marks.near) * size * own2 / radius2 * up * up, axis=1)
-    return t / len(part.steps)
+        return 1 - np.prod(1 - np.sqrt(marks.near) * size * own2 / radius2 * up * up, axis=1)

@@ -20,7 +20,6 @@ from skincli.layers.base import (
     Site,
     Value,
     joint_seed,
-    pattern_mean,
 )
 from skincli.layers.blend import Blend
 
@@ -66,9 +65,12 @@ class Pores(Pattern):
     def unread_in_mask(self) -> set[str]:
         return super().unread_in_mask() | {"depth", "tint"}
 
+    def finest(self) -> float:
+        return marks.FINEST * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
             "period": period,
             "radius": (0.25 * self.spacing if self.radius is None else self.radius) / cell,
@@ -76,11 +78,10 @@ class Pores(Pattern):
             "variation": self.variation,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = marks.texel(site["footprint"], values["cell"])
+        texel = site["footprint"] / values["cell"]
         wide2 = marks.widened2(values["radius"], texel)
         found = marks.find_marks(
             site["position"] / values["cell"],
@@ -93,5 +94,4 @@ class Pores(Pattern):
         bowl = marks.bump(found.squared() / wide2[:, None])
         strength = values["radius"] ** 2 / wide2[:, None]
         depth = strength * found.near * bowl * (1 - values["variation"] * found.random[..., 3])
-        visible = marks.resolved(texel)
-        return (1 - visible) * values["mean"] + visible * (1 - np.prod(1 - depth, axis=1))
+        return 1 - np.prod(1 - depth, axis=1)

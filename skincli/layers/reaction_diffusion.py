@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skincli import diskcache
-from skincli.layers import hashing
+from skincli.layers import hashing, remap
 from skincli.layers.base import (
     LEVELS_FIELD,
     Array,
@@ -173,6 +173,7 @@ class Tile(Texture):
     waves : wavelengths along its side
     seed : of the random start
     levels : values of the raw pattern that become 0 and 1
+    curve : what remaps it then
     """
 
     format: ClassVar[str] = "rgba32f"
@@ -181,16 +182,21 @@ class Tile(Texture):
     waves: int
     seed: int
     levels: tuple[float, ...]
+    curve: remap.Points | None = None
 
     @property
     def key(self) -> str:
-        return f"reaction_diffusion {self.pattern} {self.waves} {self.seed} {self.levels}"
+        return f"reaction_diffusion {self.pattern} {self.waves} {self.seed} {self.levels} {self.curve}"
 
     def field(self) -> Array:
         """Return (SIDE, SIDE) the pattern itself, 0 to 1, y upwards."""
         low, high = ENDS[self.pattern]
         activator = _resample(_activator(self.pattern, self.waves, self.seed), SIDE)
-        return hashing.levels((activator - low) / (high - low), self.levels, SHARPEST)
+        field = hashing.levels((activator - low) / (high - low), self.levels, SHARPEST)
+        if self.curve is None:
+            return field
+        # Averaged over neighboring values, for the same reason for which the step of the levels is never sharper.
+        return np.mean([remap.remap(self.curve, field + SHARPEST * step) for step in np.linspace(-1, 1, 9)], axis=0)
 
     def make(self) -> NDArray[np.float32]:
         return integrals(self.field())[::-1]
@@ -249,7 +255,10 @@ class ReactionDiffusion(Pattern):
 
     def textures(self, ground: Ground) -> tuple[Tile]:
         waves, _ = self._waves(ground)
-        return (Tile(True, self.pattern, waves, joint_seed(ground.seed, self.seed), self.levels),)
+        return (Tile(True, self.pattern, waves, joint_seed(ground.seed, self.seed), self.levels, self.curve),)
+
+    def curve_is_in_texture(self) -> bool:
+        return True
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:

@@ -12,7 +12,7 @@ class Ridged(Fractal):
     """Sharp crests where noise changes its sign, at many sizes: wrinkles, veins, dried skin [Musgrave1994]."""
 
     fade = 2.0
-    finest = 1 / 24
+    fine = 1 / 40
 
     @staticmethod
     def octave(noise: Array) -> Array:

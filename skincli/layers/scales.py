@@ -11,12 +11,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 
 #: How far apart the places may be in which a texel is looked at, in widths of a scale.
 FINEST = 1 / 20
-#: Texels of these sizes, in widths of a scale, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.5, 4.0
 #: Half the width of a scale where it is widest, in distances between scales of a row.
 HALF_WIDTH = 0.55
 #: Width of a scale's rounded edge, in distances between scales of a row.
@@ -80,11 +78,20 @@ class Scales(Pattern):
             raise ValueError("direction is 0; give it a length, as in [0, -1, 0], which points down")
         return self
 
+    def finest(self) -> float:
+        return min(FINEST * self.size(), 0.5 * self.gap) if self.part == "gap" and self.gap else FINEST * self.size()
+
+    def widest(self) -> float:
+        return 0.1 * self.size()
+
+    def grain(self) -> float:
+        return (1.6 if self.part == "value" else 0.6) * self.size()
+
     def values(self, ground: Ground) -> dict[str, Value]:
         spacing, columns = ground.fit(self.spacing)
         # Every second row is set off by half a scale, so rows repeat in pairs.
         pair, pairs = ground.fit(2 * self.length * spacing)
-        values: dict[str, Value] = {
+        return {
             "part": Part[self.part.upper()],
             "spacing": spacing,
             "columns": columns,
@@ -98,14 +105,30 @@ class Scales(Pattern):
             "jitter": self.jitter,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, spacing)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        size = values["spacing"] * min(1.0, values["row"])
-        t = filtering.sampled(site, FINEST * size, 8, lambda small: _three(values, small))
-        shown = 1 - hashing.smoothstep(FIRST, LAST, site["footprint"] / size)
-        return (1 - shown) * values["mean"] + shown * t
+        # The lattices of three planes; where two meet, the higher scale hides the other.
+        position, squared = site["position"] / values["spacing"], site["normal"] ** 2
+        texel = site["footprint"] / values["spacing"]
+        most = np.maximum(squared.max(axis=1), 1e-12)
+        best, t = np.full(len(texel), -9.0), np.zeros(len(texel))
+        in_crease = {Part.SCALE: 0.0, Part.GAP: 1.0}
+        for axis, name in enumerate("xyz"):
+            share = hashing.smoothstep(MEETING, 1, squared[:, axis] / most)
+            seen = np.flatnonzero(share > 0)
+            place = position[seen][:, [(axis + 1) % 3, (axis + 2) % 3]]
+            layer = np.where(site["normal"][seen, axis] < 0, axis + 3, axis)
+            height, own = _rows(values, place, values[f"along_{name}"], texel[seen], layer)
+            lifted = height - SINK * (1 - share[seen])
+            above = lifted - best[seen]
+            over = hashing.smoothstep(-0.05, 0.05, above)
+            t[seen] = (1 - over) * t[seen] + over * own
+            if values["part"] in in_crease:
+                clear = hashing.smoothstep(0, CREASE, np.abs(above))
+                t[seen] = (1 - clear) * in_crease[values["part"]] + clear * t[seen]
+            best[seen] = np.maximum(best[seen], lifted)
+        return t
 
 
 def _within(direction: tuple[float, ...], axis: int, period: float | None) -> tuple[float, float]:
@@ -120,30 +143,6 @@ def _within(direction: tuple[float, ...], axis: int, period: float | None) -> tu
     if period is not None:
         x, y = (math.copysign(1, x), 0.0) if abs(x) >= abs(y) else (0.0, math.copysign(1, y))
     return x, y
-
-
-def _three(values: Mapping[str, Any], site: Site) -> Array:
-    """Return the pattern of the three planes' lattices; where two meet, the higher scale hides the other."""
-    position, squared = site["position"] / values["spacing"], site["normal"] ** 2
-    texel = site["footprint"] / values["spacing"]
-    most = np.maximum(squared.max(axis=1), 1e-12)
-    best, t = np.full(len(texel), -9.0), np.zeros(len(texel))
-    in_crease = {Part.SCALE: 0.0, Part.GAP: 1.0}
-    for axis, name in enumerate("xyz"):
-        share = hashing.smoothstep(MEETING, 1, squared[:, axis] / most)
-        seen = np.flatnonzero(share > 0)
-        place = position[seen][:, [(axis + 1) % 3, (axis + 2) % 3]]
-        layer = np.where(site["normal"][seen, axis] < 0, axis + 3, axis)
-        height, own = _rows(values, place, values[f"along_{name}"], texel[seen], layer)
-        lifted = height - SINK * (1 - share[seen])
-        above = lifted - best[seen]
-        over = hashing.smoothstep(-0.05, 0.05, above)
-        t[seen] = (1 - over) * t[seen] + over * own
-        if values["part"] in in_crease:
-            clear = hashing.smoothstep(0, CREASE, np.abs(above))
-            t[seen] = (1 - clear) * in_crease[values["part"]] + clear * t[seen]
-        best[seen] = np.maximum(best[seen], lifted)
-    return t
 
 
 def _rows(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import hashing, marks
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 
 
 class Part(IntEnum):
@@ -66,12 +65,18 @@ class Scars(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return (
+            marks.FINEST * self.spacing
+            if self.part == "line"
+            else min(marks.FINEST * self.spacing, FINEST * self.interval)
+        )
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "part": Part[self.part.upper()],
             "cell": cell,
-            "finest": marks.FINEST * cell if self.part == "line" else min(marks.FINEST * cell, FINEST * self.interval),
             "period": period,
             "reach": 0.5 * self.length / cell,
             "radius": 0.5 * self.width / cell,
@@ -83,39 +88,33 @@ class Scars(Pattern):
             "variation": self.variation,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return marks.seen(values, site, partial(_point, values))
-
-
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-    normal, reach, interval, thread = (site["normal"], *(values[key] for key in ("reach", "interval", "thread")))
-    texel = marks.texel(site["footprint"], values["cell"])
-    half_width = values["stitch"] if values["part"] == Part.STITCHES else values["radius"]
-    wide2, long2, line2 = (marks.widened2(size, texel)[:, None] for size in (half_width, reach, thread))
-    bow = values["bend"] * reach
-    found = marks.find_marks(
-        site["position"] / values["cell"],
-        normal,
-        marks.disk(normal, np.sqrt(long2 + wide2)[:, 0] + bow),
-        values["period"],
-        1.0,
-        values["seed"],
-    )
-    more = found.more_random()
-    axis = marks.along_surface(2 * more[..., :3] - 1, normal[:, None])
-    ahead = np.sum(found.along * axis, axis=-1)
-    u = np.clip(ahead / reach, -1, 1)
-    across = np.sum(found.along * np.cross(normal[:, None], axis), axis=-1)
-    across = across + bow * (2 * more[..., 3] - 1) * (u**2 - 0.3)
-    t = half_width * reach / np.sqrt(wide2 * long2) * marks.bump(ahead**2 / long2 + across**2 / wide2)
-    if values["part"] != Part.LINE:
-        to_line = ((ahead / interval + found.random[..., 3]) % 1 - 0.5) * interval
-        line = thread / np.sqrt(line2) * marks.bump(to_line**2 / line2)
-        resolved = 1 - hashing.smoothstep(0.25, 0.5, texel / interval)[:, None]
-        t = t * ((1 - resolved) * values["threads_mean"] + resolved * line)
-    untouched = np.prod(1 - found.near * (1 - values["variation"] * found.random[..., 3]) * t, axis=1)
-    return 1 - untouched
+        normal, reach, interval, thread = (site["normal"], *(values[key] for key in ("reach", "interval", "thread")))
+        texel = site["footprint"] / values["cell"]
+        half_width = values["stitch"] if values["part"] == Part.STITCHES else values["radius"]
+        wide2, long2, line2 = (marks.widened2(size, texel)[:, None] for size in (half_width, reach, thread))
+        bow = values["bend"] * reach
+        found = marks.find_marks(
+            site["position"] / values["cell"],
+            normal,
+            marks.disk(normal, np.sqrt(long2 + wide2)[:, 0] + bow),
+            values["period"],
+            1.0,
+            values["seed"],
+        )
+        more = found.more_random()
+        axis = marks.along_surface(2 * more[..., :3] - 1, normal[:, None])
+        ahead = np.sum(found.along * axis, axis=-1)
+        u = np.clip(ahead / reach, -1, 1)
+        across = np.sum(found.along * np.cross(normal[:, None], axis), axis=-1)
+        across = across + bow * (2 * more[..., 3] - 1) * (u**2 - 0.3)
+        t = half_width * reach / np.sqrt(wide2 * long2) * marks.bump(ahead**2 / long2 + across**2 / wide2)
+        if values["part"] != Part.LINE:
+            to_line = ((ahead / interval + found.random[..., 3]) % 1 - 0.5) * interval
+            line = thread / np.sqrt(line2) * marks.bump(to_line**2 / line2)
+            resolved = 1 - hashing.smoothstep(0.25, 0.5, texel / interval)[:, None]
+            t = t * ((1 - resolved) * values["threads_mean"] + resolved * line)
+        untouched = np.prod(1 - found.near * (1 - values["variation"] * found.random[..., 3]) * t, axis=1)
+        return 1 - untouched

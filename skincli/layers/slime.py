@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers import hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
+from skincli.layers.filtering import soft_step
 from skincli.layers.marks import disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in sizes of the film's features.
 FINEST = 0.06
-#: Texels of these sizes, in sizes of the film's features, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.5, 6.0
 #: How far the film is pulled about, in sizes of its features.
 PULL = 0.5
 #: Noise of this size, to both sides, is all there is.
@@ -23,13 +22,9 @@ NOISE_RANGE = 0.5
 #: Half the width of the slope of a pool's edge, as noise.
 SLOPE = 0.16
 #: How far apart the places may be in which a texel is looked at for drops, in radii of the largest.
-FINEST_DROPS = 0.3
+FINEST_DROPS = 0.5
 #: Distance between drops, in diameters of the largest.
 SPACING = 2.2
-#: Level of the film that no noise reaches.
-DRY = 9.0
-#: Texels of these sizes, in distances between drops, begin to show their mean alone, and show nothing else.
-FIRST_DROPS, LAST_DROPS = 0.75, 6.0
 
 
 class Slime(Pattern):
@@ -47,10 +42,20 @@ class Slime(Pattern):
     def size(self) -> float:
         return self.scale
 
+    def finest(self) -> float:
+        return min(FINEST * self.scale, FINEST_DROPS * 0.5 * self.drop_size) if self.drops > 0 else FINEST * self.scale
+
+    def widest(self) -> float:
+        return 2 * FINEST * self.scale
+
+    def grain(self) -> float:
+        # Half of it is 1 and half 0: such contrast must fade slowly.
+        return 2.1 * self.scale
+
     def values(self, ground: Ground) -> dict[str, Value]:
         scale, period = ground.fit(self.scale)
         cell, drop_period = ground.fit(SPACING * self.drop_size)
-        values: dict[str, Value] = {
+        return {
             "scale": scale,
             "period": period,
             "level": (NOISE_RANGE + SLOPE) * (1 - 2 * self.coverage),
@@ -60,23 +65,11 @@ class Slime(Pattern):
             "radius": 0.5 * self.drop_size / cell,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        values["drop_mean"] = pattern_mean(type(self), {**values, "level": DRY, "drop_mean": 0.0}, cell)
-        return values | {"mean": pattern_mean(type(self), values, max(scale, cell))}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        scale = values["scale"]
-        t = filtering.sampled(site, FINEST * scale, 8, lambda small: _film(values, small))
-        if values["drops"] > 0:
-            drops = filtering.sampled(
-                site, FINEST_DROPS * values["radius"] * values["cell"], 2, lambda small: _drops(values, small)
-            )
-            texel = site["footprint"] / values["cell"]
-            shown = 1 - hashing.smoothstep(FIRST_DROPS, LAST_DROPS, texel)
-            drops = (1 - shown) * values["drop_mean"] + shown * drops
-            t = 1 - (1 - t) * (1 - drops)
-        shown = 1 - hashing.smoothstep(FIRST, LAST, site["footprint"] / scale)
-        return (1 - shown) * values["mean"] + shown * t
+        t = _film(values, site)
+        return t if values["drops"] == 0 else 1 - (1 - t) * (1 - _drops(values, site))
 
 
 def _film(values: Mapping[str, Any], site: Site) -> Array:
@@ -84,7 +77,7 @@ def _film(values: Mapping[str, Any], site: Site) -> Array:
     pull = hashing.value_noise(*hashing.split(x), values["period"], ~values["seed"])
     noise = hashing.gradient_noise(*hashing.split(x + PULL * pull), values["period"], values["seed"])
     texel = site["footprint"] / values["scale"]
-    return filtering.soft_step(noise + 0.15 * pull[:, 0] - values["level"], SLOPE, texel)
+    return soft_step(noise + 0.15 * pull[:, 0] - values["level"], SLOPE, texel)
 
 
 def _drops(values: Mapping[str, Any], site: Site) -> Array:
@@ -93,7 +86,7 @@ def _drops(values: Mapping[str, Any], site: Site) -> Array:
     marks = find_marks(
         site["position"] / values["cell"],
         site["normal"],
-        disk(site["normal"], np.where(texel < LAST_DROPS, np.sqrt(values["radius"] ** 2 + widening), 0)),
+        disk(site["normal"], np.sqrt(values["radius"] ** 2 + widening)),
         values["drop_period"],
         0.9,
         values["seed"] ^ 0x5BD1E995,

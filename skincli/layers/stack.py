@@ -26,6 +26,7 @@ from skincli.layers.base import (
     Writing,
     joint_seed,
 )
+from skincli.layers.filtering import band_of, seen
 from skincli.layers.pigments import CHANNEL_OF
 from skincli.optics.pigments import PigmentModel
 
@@ -295,35 +296,64 @@ class _Writer:
 
         Where a weight is given, the function is called only where that is not 0.
         """
-        place, value = "site", f"{name}_value"
+        place, value = f"{name}_site", f"{name}_value"
+        pattern = value + (".w" if layer.kernel == "vec4" else "")
         self.body.append(f"{layer.kernel} {value} = {layer.kernel}(0.0);")
-        self.body.append("{" if weight is None else f"if ({weight} > 0.0) {{")
+        band = band_of(layer, self.ground) if isinstance(layer, Pattern) else None
+        if weight is not None:
+            self.body.append(f"if ({weight} > 0.0)")
+        self.body += ["{", f"    Site {place} = site;"]
         if isinstance(layer, Pattern) and layer.warp > 0:
-            place = f"{name}_site"
             numbers = [
                 self.member(f"{name}_warp_{key}", value) for key, value in warp_values(layer, self.ground).items()
             ]
             self.kernels.setdefault("", ['#include "lib/noise.glsl"'])
-            self.body.append(f"    Site {place} = site;")
             self.body.append(f"    {place}.position = warp_position(site.position, {', '.join(numbers)});")
         if "height" in layer.reads:
             self.body.append(f"    {place}.height = height;")
-        self.body += [f"    {value} = {self.call(name, layer, place)};", "}"]
-        pattern = value + (".w" if layer.kernel == "vec4" else "")
-        if not isinstance(layer, Pattern) or layer.curve is None:
-            return pattern
-        for key, numbers_of_curve in remap.members(layer.curve).items():
-            self.body.append(f"vec4 {name}_curve_{key} = {self.member(f'{name}_curve_{key}', numbers_of_curve)};")
-        self.body.append(f"float {name}_t = {remap.call(f'{name}_curve', pattern)};")
-        return f"{name}_t"
+        arguments = self.arguments(name, layer, place)
+        looked = f"{layer.kind()}_layer({arguments})"
+        curve = layer.curve if isinstance(layer, Pattern) and not layer.curve_is_in_texture() else None
+        numbers_of_curve = {} if curve is None else remap.members(curve)
+        for key, row in numbers_of_curve.items():
+            self.body.append(f"    vec4 {name}_curve_{key} = {self.member(f'{name}_curve_{key}', row)};")
+        if band is None:
+            self.body.append(f"    {value} = {looked};")
+            if curve is not None:
+                self.body.append(f"    {pattern} = {remap.call(f'{name}_curve', pattern)};")
+        else:
+            remapped = looked if curve is None else remap.call(f"{name}_curve", looked)
+            members = {key: self.member(f"{name}_{key}", numbers) for key, numbers in band.members().items()}
+            mean = f"band_mean({members['mean']}, site.normal)"
+            if _overrides_local(layer):
+                mean += f" * {layer.kind()}_local({arguments})"
+            self.kernels.setdefault("filter", ['#include "lib/filter.glsl"'])
+            self.body += [
+                f"    vec4 {name}_band = {members['band']};",
+                f"    float {name}_shown = band_shown({name}_band, site.footprint);",
+                f"    int {name}_count = {name}_shown > 0.0 ? band_places({name}_band, site.footprint) : 0;",
+                f"    vec3 {name}_center = {place}.position;",
+                f"    {value} = {mean};",
+                f"    {place}.footprint = min(site.footprint / float(max({name}_count, 1)), {name}_band.y);",
+                f"    float {name}_sum = 0.0;",
+                f"    for (int i = 0; i < {name}_count * {name}_count; ++i) {{",
+                f"        vec3 offset = place_in_texel(site.normal, site.footprint, i, {name}_count);",
+                f"        {place}.position = {name}_center + offset;",
+                f"        {name}_sum += {remapped};",
+                "    }",
+                f"    {name}_sum /= float(max({name}_count * {name}_count, 1));",
+                f"    {value} = mix({value}, {name}_sum, {name}_shown);",
+            ]
+        self.body.append("}")
+        return pattern
 
     @property
     def ground(self) -> Ground:
         """What all layers share."""
         return self.skin.ground
 
-    def call(self, name: str, layer: Layer, place: str) -> str:
-        """Return the call of a layer's function with its values and its textures."""
+    def arguments(self, name: str, layer: Layer, place: str) -> str:
+        """Return the arguments of a layer's function: its values, the site and its textures."""
         kind, values = layer.kind(), layer.values(self.ground)
         self.patterns += 1
         arguments = []
@@ -338,7 +368,7 @@ class _Writer:
             self.samplers.setdefault(item, f"image{len(self.samplers)}") for item in layer.textures(self.ground)
         ]
         numbers = ", ".join(arguments)
-        return f"{kind}_layer({', '.join([f'{kind}_values({numbers})', place, *samplers])})"
+        return ", ".join([f"{kind}_values({numbers})", place, *samplers])
 
     def text(self) -> str:
         """Return the whole source."""
@@ -362,6 +392,11 @@ class _Writer:
         lines += [f"    {line}" for line in body]
         lines += [f"    return Generated({', '.join(CHANNELS)});", "}"]
         return "\n".join(lines) + "\n"
+
+
+def _overrides_local(layer: Layer) -> bool:
+    """Whether the mean of a layer's pattern differs from place to place."""
+    return isinstance(layer, Pattern) and type(layer).local.__func__ is not Pattern.local.__func__  # type: ignore[attr-defined]
 
 
 def _glsl_type(value: float | int | tuple[float, ...]) -> str:
@@ -462,14 +497,10 @@ class _Look:
         if isinstance(layer, Pattern) and layer.warp > 0:
             numbers: Any = warp_values(layer, self.skin.ground)
             site = {**site, "position": hashing.warp_position(site["position"], **numbers)}
-        value = layer.twin(
-            layer.values(self.skin.ground), site, [self.textures[item] for item in layer.textures(self.skin.ground)]
-        )
-        if isinstance(layer, Pattern) and layer.curve is not None:
-            if value.ndim == 1:
-                return remap.remap(layer.curve, value)
-            return np.column_stack([value[:, :3], remap.remap(layer.curve, value[:, 3])])
-        return value
+        textures = [self.textures[item] for item in layer.textures(self.skin.ground)]
+        if isinstance(layer, Pattern):
+            return seen(layer, self.skin.ground, site, textures)
+        return layer.twin(layer.values(self.skin.ground), site, textures)
 
     def weight(self, layer: Layer) -> Array:
         """Return (n,) opacity times mask."""

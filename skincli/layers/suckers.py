@@ -9,14 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers import hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
+from skincli.layers.filtering import disk_of
 from skincli.layers.marks import along_surface, disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in radii of a sucker.
-FINEST = 0.1
-#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.75, 8.0
+FINEST = 0.06
 #: Radius and half the width of the edge of the outer rim, the cup and the hole, as shares of the sucker's radius.
 RIM, CUP, HOLE = (0.86, 0.14), (0.6, 0.1), (0.2, 0.07)
 #: Height of the floor of the cup, where the rim is 1.
@@ -59,9 +58,18 @@ class Suckers(Pattern):
             )
         return self
 
+    def finest(self) -> float:
+        return FINEST * 0.5 * self.diameter
+
+    def widest(self) -> float:
+        return self.spacing
+
+    def grain(self) -> float:
+        return (0.7 + 0.3 * self.jitter) * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "part": Part[self.part.upper()],
             "cell": cell,
             "period": period,
@@ -71,38 +79,20 @@ class Suckers(Pattern):
             "jitter": self.jitter,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = site["footprint"] / values["cell"]
-        t = np.zeros(len(texel))
-        for part in filtering.looks(site, FINEST * values["radius"] * values["cell"], 4):
-            t[part.chosen] = _rings(values, part)
-        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
-        return (1 - shown) * values["mean"] + shown * t
-
-
-def _rings(values: Mapping[str, Any], part: filtering.Looks) -> Array:
-    """Return the pattern in texels of which each is looked at in equally many places."""
-    cell, texel, normal = values["cell"], part.site["footprint"] / values["cell"], part.site["normal"]
-    place = texel / part.count
-    widest = filtering.disk_of(np.array(values["radius"] * RIM[0]), np.array(values["radius"] * RIM[1]), place)
-    reach = np.where(texel < LAST, widest.reach() + part.reach() / cell, 0)
-    marks = find_marks(
-        part.site["position"] / cell, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"]
-    )
-    radius = values["radius"] * np.sqrt(marks.near) * (1 - values["variation"] * marks.random[..., 3])
-    rim, cup, hole = (
-        filtering.disk_of(share * radius, softness * radius, place[:, None]) for share, softness in (RIM, CUP, HOLE)
-    )
-    heading = along_surface(marks.more_random()[..., :3] - 0.5, normal[:, None])
-    clear = 1 - hashing.smoothstep(0.05, 0.2, place[:, None] / np.maximum(radius, 1e-6))
-    t = np.zeros(len(texel))
-    for step in part.steps:
-        away = marks.along - step[:, None] / cell
-        distance = np.sqrt(np.maximum(np.sum(away**2, axis=-1), 1e-12))
-        cosine2 = (np.sum(away * heading, axis=-1) / distance) ** 2
+        cell, normal = values["cell"], site["normal"]
+        texel = (site["footprint"] / cell)[:, None]
+        widest = disk_of(np.array(values["radius"] * RIM[0]), np.array(values["radius"] * RIM[1]), texel[:, 0])
+        position, extent = site["position"] / cell, disk(normal, widest.reach())
+        marks = find_marks(position, normal, extent, values["period"], values["jitter"], values["seed"])
+        radius = values["radius"] * np.sqrt(marks.near) * (1 - values["variation"] * marks.random[..., 3])
+        rim, cup, hole = (disk_of(share * radius, softness * radius, texel) for share, softness in (RIM, CUP, HOLE))
+        heading = along_surface(marks.more_random()[..., :3] - 0.5, normal[:, None])
+        clear = 1 - hashing.smoothstep(0.05, 0.2, texel / np.maximum(radius, 1e-6))
+        distance = np.sqrt(np.maximum(marks.squared(), 1e-12))
+        cosine2 = (np.sum(marks.along * heading, axis=-1) / distance) ** 2
         eight = 2 * (8 * cosine2 * (cosine2 - 1) + 1) ** 2 - 1
         whole, inner, pit = rim.at(distance), cup.at(distance), hole.at(distance)
         if values["part"] == Part.RIM:
@@ -113,5 +103,4 @@ def _rings(values: Mapping[str, Any], part: filtering.Looks) -> Array:
             own = whole - (1 - FLOOR) * inner - FLOOR * pit
         # The folds run from the hole across the cup and end on the rim.
         fold = values["folds"] * (0.5 - 0.5 * clear * (2 * eight * eight - 1)) * (1 - pit) * (0.3 + 0.7 * inner)
-        t += np.minimum(np.sum(np.maximum(own, 0) * (1 - fold), axis=1), 1)
-    return t / len(part.steps)
+        return np.minimum(np.sum(np.maximum(own, 0) * (1 - fold), axis=1), 1)

@@ -12,7 +12,7 @@ class Turbulence(Fractal):
     """Absolute noise at many sizes, dark creases at each: smoke, marble, mottled hide [Perlin1985]."""
 
     fade = 2.0
-    finest = 1 / 12
+    fine = 1 / 20
 
     @staticmethod
     def octave(noise: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,14 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from skincli.layers import hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
-from skincli.layers.filtering import sampled
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
+from skincli.layers.filtering import soft_step
 
 #: Size and width of each level, relative to the one before; the size so that twice as many cells fit a period.
 FINER = 0.5
 THINNER = 0.62
-#: Texels larger than this, in widths of the finest veins, are looked at in several places; in so many along a side at
-#: most.
+#: Texels larger than this, in widths of the finest veins, are looked at in several places.
 FINEST = 0.6
-PLACES = 4
 
 
 class Veins(Pattern):
@@ -43,24 +40,42 @@ class Veins(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return min(FINEST * self.width * THINNER**self.branches, 0.1 * self.spacing * FINER**self.branches)
+
+    def widest(self) -> float:
+        return 0.1 * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         spacing, period = ground.fit(self.spacing)
-        values: dict[str, Value] = {
+        return {
             "spacing": spacing,
             "period": period,
             "width": 0.5 * self.width,
             "levels": self.branches + 1,
             "branching": 0.15 + self.branching,
-            "finest": FINEST * self.width * THINNER**self.branches,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, spacing)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        visible = 1 - hashing.smoothstep(1, 4, site["footprint"] / values["spacing"])
-        t = sampled(site, values["finest"], PLACES, partial(_point, values))
-        return (1 - visible) * values["mean"] + visible * t
+        normal, size, width, period = site["normal"], values["spacing"], values["width"], values["period"]
+        grown, untouched = np.ones(len(normal)), np.ones(len(normal))
+        for level in range(values["levels"]):
+            value, slope = _noise(*hashing.split(site["position"] / size), period, values["seed"] + 7919 * level)
+            slope -= np.sum(slope * normal, axis=1, keepdims=True) * normal
+            steepness = np.sqrt(np.sum(slope**2, axis=1))
+            away = value / np.maximum(steepness, 0.05)
+            ends = hashing.smoothstep(0.25, 0.7, steepness)
+            half_width = width / size
+            # The variance of the line's profile is half_width² / 11, that of a texel texel² / 12.
+            wide2 = half_width**2 + 11 / 12 * (site["footprint"] / size) ** 2
+            line = half_width / np.sqrt(wide2) * np.maximum(1 - away**2 / wide2, 0) ** 4
+            untouched = untouched * (1 - grown * ends * line)
+            branching = 1 - hashing.smoothstep(0.1, values["branching"], away)
+            grown = grown * ends * soft_step(away, 0.02, site["footprint"] / size) * branching
+            size, width, period = size * FINER, width * THINNER, period * 2
+        return 1 - untouched
 
 
 def _noise(cell: NDArray[np.int64], fraction: Array, period: int, seed: int) -> tuple[Array, Array]:
@@ -77,24 +92,3 @@ def _noise(cell: NDArray[np.int64], fraction: Array, period: int, seed: int) -> 
         value += share * ramp
         slope += share[:, None] * gradient + turn * ramp[:, None]
     return value, slope
-
-
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-    normal, size, width, period = site["normal"], values["spacing"], values["width"], values["period"]
-    grown, untouched = np.ones(len(normal)), np.ones(len(normal))
-    for level in range(values["levels"]):
-        value, slope = _noise(*hashing.split(site["position"] / size), period, values["seed"] + 7919 * level)
-        slope -= np.sum(slope * normal, axis=1, keepdims=True) * normal
-        steepness = np.sqrt(np.sum(slope**2, axis=1))
-        away = value / np.maximum(steepness, 0.05)
-        ends = hashing.smoothstep(0.25, 0.7, steepness)
-        half_width = width / size
-        # The variance of the line's profile is half_width² / 11, that of a texel texel² / 12.
-        wide2 = half_width**2 + 11 / 12 * (site["footprint"] / size) ** 2
-        line = half_width / np.sqrt(wide2) * np.maximum(1 - away**2 / wide2, 0) ** 4
-        untouched = untouched * (1 - grown * ends * line)
-        branching = 1 - hashing.smoothstep(0.1, values["branching"], away)
-        grown = grown * ends * hashing.smoothstep(-0.02, 0.02, away) * branching
-        size, width, period = size * FINER, width * THINNER, period * 2
-    return 1 - untouched

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from skincli.layers import filtering, hashing
-from skincli.layers.base import Array, Ground, Pattern, Site, Value, joint_seed, pattern_mean
+from skincli.layers import hashing
+from skincli.layers.base import Array, Ground, Pattern, Site, Value, joint_seed
 from skincli.layers.marks import disk, find_marks
 
 #: Share of the range of densities over which a wart grows from nothing to its full size.
@@ -17,9 +17,7 @@ GROWTH = 0.5
 #: Gradient noise of this size, to both sides, makes the densities 0 and 1.
 NOISE_RANGE = 0.45
 #: How far apart the places may be in which a texel is looked at, in radii of a wart.
-FINEST = 0.3
-#: Texels of these sizes, in cells, begin to show the mean alone, and show nothing else.
-FIRST, LAST = 0.75, 8.0
+FINEST = 0.22
 
 
 class Warts(Pattern):
@@ -52,10 +50,16 @@ class Warts(Pattern):
             )
         return self
 
+    def finest(self) -> float:
+        return FINEST * 0.5 * self.diameter
+
+    def grain(self) -> float:
+        return 1.1 * self.spacing
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(self.spacing)
         cluster, cluster_period = ground.fit(self.cluster_size)
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
             "period": period,
             "radius": 0.5 * self.diameter / cell,
@@ -68,44 +72,37 @@ class Warts(Pattern):
             "cluster_period": cluster_period,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), {**values, "clustering": 0.0}, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        texel = site["footprint"] / values["cell"]
-        noise = hashing.gradient_noise(
-            *hashing.split(site["position"] / values["cluster"]), values["cluster_period"], ~values["seed"]
-        )
-        clear = hashing.smoothstep(0.5, 4, values["cluster"] / np.maximum(site["footprint"], 1e-9))
-        density = 0.5 + clear * (hashing.smoothstep(-NOISE_RANGE, NOISE_RANGE, noise) - 0.5)
-        # Beyond 1 by the range of growth, so that nothing is still growing where the density is full.
-        density = (1 - values["clustering"] * (1 - density)) * (1 + GROWTH)
-        t = np.zeros(len(texel))
-        for part in filtering.looks(site, FINEST * values["cell"] * values["radius"], 4):
-            t[part.chosen] = _bumps(values, part, density[part.chosen])
-        shown = 1 - hashing.smoothstep(FIRST, LAST, texel)
-        return (1 - shown) * values["mean"] * _grown(density) + shown * t
-
-
-def _bumps(values: Mapping[str, Any], part: filtering.Looks, density: Array) -> Array:
-    """Return the height of the warts in texels of which each is looked at in equally many places."""
-    cell, texel = values["cell"], part.site["footprint"] / values["cell"]
-    widening = values["spread"] * (texel / part.count) ** 2
-    reach = np.where(texel < LAST, np.sqrt(values["radius"] ** 2 + widening) + part.reach() / cell, 0)
-    position, normal = part.site["position"] / cell, part.site["normal"]
-    marks = find_marks(position, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"])
-    grown = np.clip((density[:, None] - marks.more_random()[..., 3]) / GROWTH, 0, 1)
-    size = grown * (1 - values["variation"] * marks.random[..., 3])
-    own2 = np.sqrt(marks.near) * (values["radius"] * size) ** 2
-    size = size * np.sqrt(marks.near)
-    radius2 = np.maximum(own2 + widening[:, None], 1e-12)
-    t = np.zeros(len(texel))
-    for step in part.steps:
-        squared = np.sum((marks.along - step[:, None] / cell) ** 2, axis=-1)
-        bowl = np.maximum(1 - squared / radius2, 0)
+        cell, texel = values["cell"], site["footprint"] / values["cell"]
+        widening = values["spread"] * texel**2
+        reach = np.sqrt(values["radius"] ** 2 + widening)
+        position, normal = site["position"] / cell, site["normal"]
+        marks = find_marks(position, normal, disk(normal, reach), values["period"], values["jitter"], values["seed"])
+        grown = np.clip((_density(values, site)[:, None] - marks.more_random()[..., 3]) / GROWTH, 0, 1)
+        size = grown * (1 - values["variation"] * marks.random[..., 3])
+        own2 = np.sqrt(marks.near) * (values["radius"] * size) ** 2
+        size = size * np.sqrt(marks.near)
+        radius2 = np.maximum(own2 + widening[:, None], 1e-12)
+        bowl = np.maximum(1 - marks.squared() / radius2, 0)
         dome = bowl * bowl * (1 + 2 * values["flatness"] * (1 - bowl))
-        t += 1 - np.prod(1 - size * own2 / radius2 * dome, axis=1)
-    return t / len(part.steps)
+        return 1 - np.prod(1 - size * own2 / radius2 * dome, axis=1)
+
+    @classmethod
+    def local(cls, values: Mapping[str, Any], site: Site) -> Array:
+        return _grown(_density(values, site))
+
+
+def _density(values: Mapping[str, Any], site: Site) -> Array:
+    """Return (n,) how dense warts are: 0 to 1, and beyond by what the last need to grow."""
+    noise = hashing.gradient_noise(
+        *hashing.split(site["position"] / values["cluster"]), values["cluster_period"], ~values["seed"]
+    )
+    clear = hashing.smoothstep(0.5, 4, values["cluster"] / np.maximum(site["footprint"], 1e-9))
+    density = 0.5 + clear * (hashing.smoothstep(-NOISE_RANGE, NOISE_RANGE, noise) - 0.5)
+    # Beyond 1 by the range of growth, so that nothing is still growing where the density is full.
+    return (1 - values["clustering"] * (1 - density)) * (1 + GROWTH)
 
 
 def _spread(flatness: float) -> float:

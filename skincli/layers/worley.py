@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -20,10 +19,9 @@ from skincli.layers.base import (
     UnitRamp,
     Value,
     joint_seed,
-    pattern_mean,
 )
-from skincli.layers.filtering import EDGE_PER_TEXEL, sampled
-from skincli.layers.fractal import PLACES, steepness
+from skincli.layers.filtering import EDGE_PER_TEXEL
+from skincli.layers.fractal import steepness
 
 
 class Kind(IntEnum):
@@ -40,10 +38,8 @@ class Kind(IntEnum):
 FAR = {Kind.F1: 1.0, Kind.F2: 1.2, Kind.F2_F1: 0.75}
 #: Where the lattice lies, in cells: a flat square, where z is 0, cuts cells as any other plane does.
 ASIDE = np.array([0.5, 0.5, 0.25])
-#: Size of what still shows in single places, in cells: where these are a cell apart they all fall on like places.
-CALM = 0.7
-#: A line's profile has 2/15 of the squared half width as variance, a texel 1/12.
-LINE_PER_TEXEL = 0.7906
+#: A line's profile has 0.11 of the squared half width as variance, a texel 1/12.
+LINE_PER_TEXEL = 0.8706
 
 
 class Worley(Pattern):
@@ -80,62 +76,66 @@ class Worley(Pattern):
             raise ValueError(f"the pattern {self.pattern} has no lines; remove width, or choose edges or patches")
         return self
 
+    def finest(self) -> float:
+        if Kind[self.pattern.upper()] in FAR:
+            return self.scale / (16 if self.pattern == "f2_f1" else 8) * steepness(self.levels)
+        return min(self.scale / 24, self.width / 4) if self.pattern == "edges" and self.width else self.scale / 24
+
+    def widest(self) -> float:
+        return self.scale / {"edges": 24, "patches": 8}.get(self.pattern, 6)
+
+    def grain(self) -> float:
+        # Regular cells vanish sooner, and so do lines; patches, which differ most, later.
+        share = {"patches": 1.7, "edges": 0.45}.get(self.pattern, 1.0)
+        return share * (0.7 + 0.3 * self.jitter) * self.scale
+
     def values(self, ground: Ground) -> dict[str, Value]:
         scale, period = ground.fit(self.scale)
         kind = Kind[self.pattern.upper()]
-        finest = scale / 8 * steepness(self.levels) if kind in FAR else scale / 24
-        if kind == Kind.EDGES and self.width is not None:
-            finest = min(finest, self.width / 2)
-        values: dict[str, Value] = {
+        return {
             "kind": kind,
             "scale": scale,
             "period": period,
             "jitter": self.jitter,
             "far": FAR.get(kind, 1.0),
             "width": (self.width or 0.0) / scale,
-            "finest": finest,
             "levels": self.levels,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, scale)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        return sampled(site, values["finest"], PLACES, partial(_point, values))
-
-
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Twin of `worley_point`: (n,)."""
-    scale, seed, normal, ends = values["scale"], values["seed"], site["normal"], values["levels"]
-    cell, fraction = hashing.split(site["position"] / scale + ASIDE)
-    random = hashing.hash_cell(hashing.wrap_cell(cell[:, None] + hashing.NEIGHBORS, values["period"]), seed)
-    points = hashing.NEIGHBORS + 0.5 + values["jitter"] * (random[..., :3] - 0.5) - fraction[:, None]
-    squared = np.sum(points**2, axis=-1)
-    rows, owner = np.arange(len(squared)), np.argmin(squared, axis=1)
-    texel = site["footprint"] / scale
-    if values["kind"] in FAR:
-        first, second = np.partition(squared, 1, axis=1)[:, :2].T
-        # The mean distance over a texel is a little more than that of its center.
-        near, next_ = (np.sqrt(each + texel**2 / 12) for each in (first, second))
-        t = {Kind.F1: near, Kind.F2: next_, Kind.F2_F1: next_ - near}[values["kind"]] / values["far"]
-        t = hashing.levels(t, ends, EDGE_PER_TEXEL * texel / values["far"])
-    else:
-        nearest = points[rows, owner][:, None]
-        between = points - nearest
-        away = np.einsum("nij,nj->ni", between, normal)
-        across = np.sqrt(np.maximum(np.sum(between**2, axis=-1) - away**2, 1e-6))
-        planes = 0.5 * np.sum((points + nearest) * between, axis=-1) / across
-        planes[rows, owner] = 1e9
-        if values["kind"] == Kind.EDGES:
-            width = np.hypot(values["width"], LINE_PER_TEXEL * texel)
-            t = values["width"] / width * (1 - hashing.smoothstep(0, width, planes.min(axis=1)))
-            t = hashing.levels(t, ends, EDGE_PER_TEXEL * texel / width)
+        scale, seed, normal, ends = values["scale"], values["seed"], site["normal"], values["levels"]
+        cell, fraction = hashing.split(site["position"] / scale + ASIDE)
+        random = hashing.hash_cell(hashing.wrap_cell(cell[:, None] + hashing.NEIGHBORS, values["period"]), seed)
+        points = hashing.NEIGHBORS + 0.5 + values["jitter"] * (random[..., :3] - 0.5) - fraction[:, None]
+        squared = np.sum(points**2, axis=-1)
+        rows, owner = np.arange(len(squared)), np.argmin(squared, axis=1)
+        texel = site["footprint"] / scale
+        if values["kind"] in FAR:
+            first, second = np.partition(squared, 1, axis=1)[:, :2].T
+            # The mean distance over a texel is a little more than that of its center.
+            near, next_ = (np.sqrt(each + texel**2 / 12) for each in (first, second))
+            t = {Kind.F1: near, Kind.F2: next_, Kind.F2_F1: next_ - near}[values["kind"]] / values["far"]
+            t = hashing.levels(t, ends, EDGE_PER_TEXEL * texel / values["far"])
         else:
-            # On the border to another cell its value weighs as much as the own.
-            width = np.maximum(np.hypot(values["width"], EDGE_PER_TEXEL * texel), 1e-6)[:, None]
-            share = 0.5 - 0.5 * hashing.smoothstep(0, width, planes)
-            weight = share / (1 - share)
-            weight[rows, owner] = 1
-            t = np.sum(weight * hashing.levels(random[..., 3], ends, 0), axis=1) / np.sum(weight, axis=1)
-    visible = hashing.resolved(CALM * scale, site["footprint"])
-    return (1 - visible) * values["mean"] + visible * t
+            nearest = points[rows, owner][:, None]
+            between = points - nearest
+            away = np.einsum("nij,nj->ni", between, normal)
+            across = np.sqrt(np.maximum(np.sum(between**2, axis=-1) - away**2, 1e-6))
+            planes = 0.5 * np.sum((points + nearest) * between, axis=-1) / across
+            planes[rows, owner] = 1e9
+            if values["kind"] == Kind.EDGES:
+                width = np.hypot(values["width"], LINE_PER_TEXEL * texel)
+                # A line that is widened is so much weaker, against what the levels make of no line.
+                line = hashing.levels(1 - hashing.smoothstep(0, width, planes.min(axis=1)), ends, 0)
+                none = hashing.levels(np.zeros(1), ends, 0)
+                t = none + values["width"] / width * (line - none)
+            else:
+                # On the border to another cell its value weighs as much as the own.
+                width = np.maximum(np.hypot(values["width"], EDGE_PER_TEXEL * texel), 1e-6)[:, None]
+                share = 0.5 - 0.5 * hashing.smoothstep(0, width, planes)
+                weight = share / (1 - share)
+                weight[rows, owner] = 1
+                t = np.sum(weight * hashing.levels(random[..., 3], ends, 0), axis=1) / np.sum(weight, axis=1)
+        return t

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from skincli.layers import hashing, marks
-from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed, pattern_mean
+from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 
 #: A furrow is seen along about this share of its length: its ends are too faint. By so much closer they follow.
 SEEN = 0.6
@@ -64,11 +63,16 @@ class Wrinkles(Pattern):
     def size(self) -> float:
         return self.spacing
 
+    def finest(self) -> float:
+        return marks.FINEST * math.sqrt(SEEN * self.spacing * self.length)
+
+    def grain(self) -> float:
+        return math.sqrt(SEEN * self.spacing * self.length)
+
     def values(self, ground: Ground) -> dict[str, Value]:
         cell, period = ground.fit(math.sqrt(SEEN * self.spacing * self.length))
-        values: dict[str, Value] = {
+        return {
             "cell": cell,
-            "finest": marks.FINEST * cell,
             "period": period,
             "radius": 0.5 * (self.spacing / 3 if self.width is None else self.width) / cell,
             "reach": 0.5 * self.length / cell,
@@ -79,25 +83,29 @@ class Wrinkles(Pattern):
             "cross": self.cross,
             "seed": joint_seed(ground.seed, self.seed),
         }
-        return values | {"mean": pattern_mean(type(self), values, cell)}
 
     @classmethod
     def twin(cls, values: Mapping[str, Any], site: Site, textures: Sequence[Array]) -> Array:
-        facing = site["normal"] @ np.array(values["direction"])
-        return hashing.smoothstep(0.01, 0.16, 1 - facing**2) * marks.seen(values, site, partial(_point, values))
+        normal, direction = site["normal"], np.array(values["direction"])
+        texel = site["footprint"] / values["cell"]
+        axis = marks.along_surface(direction, normal)
+        untouched = _untouched(values, site, axis, texel, values["seed"])
+        if values["cross"] > 0:
+            slant = values["slant"]
+            other = slant * axis + np.sqrt(1 - slant**2) * np.cross(normal, axis)
+            crossed = _untouched(values, site, other, texel, ~values["seed"])
+            untouched = untouched * (1 + values["cross"] * (crossed - 1))
+        return _lies(values, site) * (1 - untouched)
+
+    @classmethod
+    def local(cls, values: Mapping[str, Any], site: Site) -> Array:
+        return _lies(values, site)
 
 
-def _point(values: Mapping[str, Any], site: Site) -> Array:
-    """Return (n,): what is seen in one place of each texel."""
-    normal, direction = site["normal"], np.array(values["direction"])
-    texel = marks.texel(site["footprint"], values["cell"])
-    axis = marks.along_surface(direction, normal)
-    untouched = _untouched(values, site, axis, texel, values["seed"])
-    if values["cross"] > 0:
-        slant = values["slant"]
-        other = slant * axis + np.sqrt(1 - slant**2) * np.cross(normal, axis)
-        untouched = untouched * (1 + values["cross"] * (_untouched(values, site, other, texel, ~values["seed"]) - 1))
-    return 1 - untouched
+def _lies(values: Mapping[str, Any], site: Site) -> Array:
+    """Return (n,): 0 where the surface faces along the direction, so that this is none of it."""
+    facing = site["normal"] @ np.array(values["direction"])
+    return hashing.smoothstep(0.01, 0.16, 1 - facing**2)
 
 
 def _untouched(values: Mapping[str, Any], site: Site, axis: Array, texel: Array, seed: int) -> Array:

@@ -36,7 +36,7 @@ def test_shader_and_twin_agree(ctx: Any, name: str) -> None:
     """On a flat map, and on surfaces of all directions with texels from none to coarse."""
     skin = stack(shown(name))
     assert_twin(ctx, skin, square(step=0.21), 1e-4, share=SHARE)
-    assert_twin(ctx, skin, cloud(20, 4.0), 1e-4, share=SHARE)
+    assert_twin(ctx, skin, cloud(20, 1.5), 1e-4, share=SHARE)
 
 
 def test_shaders_and_twins_agree_on_a_map_that_repeats(ctx: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from layers_kit import assert_resolution_law, assert_tileable, evaluate, flat
+from layers_kit import assert_tileable, evaluate, flat
 from pydantic import ValidationError
 
 from skincli.layers import hashing
@@ -23,9 +23,6 @@ from skincli.layers.turbulence import Turbulence
 from skincli.layers.uv_region import UvRegion
 from skincli.layers.worley import Worley
 
-#: Size of features in texels.
-LARGE = (64, 32, 16, 8, 4, 2, 1)
-SMALL = (0.5, 0.25, 0.125, 0.0625)
 PATTERNS: list[Any] = [
     Noise(scale=8),
     Noise(scale=8, pattern="value"),
@@ -110,30 +107,6 @@ def test_f2_is_f1_and_the_difference() -> None:
     np.testing.assert_allclose((second - first)[inside], difference[inside], atol=1e-4)
 
 
-@pytest.mark.parametrize("layer", PATTERNS, ids=name)
-def test_twice_the_resolution_averaged_agrees(layer: Layer) -> None:
-    """Within 0.01 RMS and 0.05 while features are as large as a texel; what is smaller fades within 0.025 and 0.09.
-
-    Patches jump from value to value, so that where three meet they keep to 0.08 only.
-    """
-    jumps = getattr(layer, "pattern", "") in ("patches", "edges")
-    assert_resolution_law(layer, 0.026 if jumps else 0.0125, 0.1 if jumps else 0.06, LARGE)
-    assert_resolution_law(layer, 0.025, 0.09, SMALL)
-
-
-STEEP: list[Any] = [
-    Noise(scale=8, levels=(0.55, 0.6)),
-    Fbm(scale=8, levels=(0.55, 0.6)),
-    Ridged(scale=8, levels=(0.6, 0.65)),
-    Worley(scale=8, levels=(0.3, 0.2)),
-]
-
-
-@pytest.mark.parametrize("layer", STEEP, ids=name)
-def test_steep_levels_agree_too(layer: Layer) -> None:
-    assert_resolution_law(layer, ratios=(64, 16, 4, 1, 0.25), rms=0.025, maximum=0.09)
-
-
 def test_a_gradient_runs_from_start_to_end() -> None:
     places = np.array([[0.0, y, 0.0] for y in (-5, 10, 15, 20, 40)])
     line = site(places, np.tile([0.0, 0.0, 1.0], (5, 1)), np.zeros(5))
@@ -150,13 +123,6 @@ def test_a_slope_is_the_angle_to_the_axis() -> None:
     assert rising == pytest.approx([0, 1 / 6, 1 / 3, 1 / 2, 5 / 6, 1])
     falling = evaluate(Gradient(by="slope", axis="-y", start=0, end=180, shape="linear"), turned)
     assert falling == pytest.approx(1 - rising)
-
-
-@pytest.mark.parametrize("shape", ["linear", "smooth"])
-def test_a_hard_gradient_agrees_at_twice_the_resolution(shape: Any) -> None:
-    for start, end in ((5.0, 5.01), (5.0, 6.0), (5.0, 9.0)):
-        layer = Gradient(by="x", start=start, end=end, shape=shape)
-        assert_resolution_law(layer, ratios=[(end - start) * 4.2 * 2**step for step in range(5)], rms=0.01)
 
 
 def test_a_slope_beyond_180_degrees_is_refused() -> None:
