@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skincli import diskcache, images
 from skincli.color import srgb_decode
@@ -27,7 +26,7 @@ from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref,
 from skincli.graph.store import Store
 from skincli.layers.base import Texture
 from skincli.mesh.bake import bake
-from skincli.mesh.lattice import LatticeTables, pack, tables, unpack
+from skincli.mesh.lattice import LatticeTables, block_factor, pack, tables, unpack
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
 from skincli.mesh.surface import texel_size
@@ -50,13 +49,14 @@ from skincli.passes.occlusion_band import BandValues, OcclusionBand
 from skincli.passes.reflection import Reflection, ReflectionValues
 from skincli.passes.resolve import Resolve, ResolveValues
 from skincli.passes.screen_diffusion import Arriving, ArrivingValues, screen_nodes, screen_values
+from skincli.passes.seen import seen_node, tile_defines, tiled
 from skincli.passes.site import Site, SiteValues
 from skincli.passes.slope import Slope, SlopeValues
 from skincli.passes.specular import Specular, SpecularValues
 from skincli.passes.splat_diffusion import LEAST_SPACING, quads, spacing, splat_nodes, splat_values
 from skincli.passes.stretched_blur import chained
 from skincli.passes.view import View, ViewValues
-from skincli.passes.window import LEAST_SAMPLES, window_nodes
+from skincli.passes.window import LEAST_SAMPLES, WindowSource, block_node, window_factor, window_node
 from skincli.scene.model import Camera, Light
 from skincli.scene.paths import LoadedScene, LoadedSkin
 from skincli.scene.skin import Optics, Skin, Surface
@@ -67,9 +67,6 @@ ATLAS_GUTTER = 2
 
 #: mm: narrower Gaussians take more nodes of the surface lattice than they are worth
 LEAST_LATTICE = 0.75
-
-#: standard deviations within which the lattice brings light to a point for certain
-REACH = 1.0
 
 _log = logging.getLogger("skincli")
 
@@ -301,6 +298,8 @@ class Pipeline:
         self.paper = render.shading == "paper"
         diffuses = not skip or not DIFFUSED.isdisjoint(self.scene.outputs)
         self.method = render.diffusion_method if diffuses else "none"
+        #: whether light is diffused in the whole atlas, or only where the picture reads it
+        self.whole = not skip or "diffused" in self.scene.outputs
         self._exact = exact
         if render.diffusion_method == "exact" and exact is None:
             raise InputError(
@@ -310,10 +309,9 @@ class Pipeline:
         self.size = (render.size[0] * self.samples, render.size[1] * self.samples)
         self.atlas_size = (render.atlas_size, render.atlas_size)
         self._require_memory()
-        #: terms of the surface lattice, by the node that slices it
-        self.terms: dict[str, Term] = {}
         self._skip = skip
-        self.graph = FrameGraph(self._nodes(), store, skip)
+        self._store = store or Store()
+        self.graph = FrameGraph(self._nodes(), self._store, skip)
 
     def _require_memory(self) -> None:
         """Refuse a scene whose textures software GL would have to swap for."""
@@ -345,10 +343,13 @@ class Pipeline:
         -------
         (h, w, channels) float32 by name, top row first; beauty is premultiplied
         """
-        if self.method != self.scene.render.diffusion_method and (display or not DIFFUSED.isdisjoint(outputs)):
-            self.method = self.scene.render.diffusion_method
+        diffuses = display or not DIFFUSED.isdisjoint(outputs)
+        method = self.scene.render.diffusion_method if diffuses else self.method
+        whole = self.whole or "diffused" in outputs
+        if (method, whole) != (self.method, self.whole):
+            self.method, self.whole = method, whole
             self.__dict__.pop("_widths", None)
-            self.graph = FrameGraph(self._nodes(), self.graph.store, self._skip)
+            self.graph = FrameGraph(self._nodes(), self._store, self._skip)
         targets = {name: OUTPUTS[name].source for name in outputs}
         if display:
             targets["display"] = DISPLAYED
@@ -409,7 +410,7 @@ class Pipeline:
         view = {"depth": Ref("view", "depth"), "normal": Ref("view", "normal")}
         per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
         nodes.append(View("view", self.size, per_part, geometry=self.geometry))
-        nodes += self._diffusion()
+        nodes += self._diffusion(nodes)
         for band in ("high", "low"):
             name = f"occlusion_{band}"
             nodes.append(OcclusionBand(f"{name}_samples", self.size, draws_of(values[f"{name}_samples"]), view))
@@ -502,8 +503,11 @@ class Pipeline:
             IrradianceValues(**asdict(light), samples=samples, response=response) for light in (ambient, *self._lights)
         ]
 
-    def _diffusion(self) -> list[Node]:
-        """How light spreads below the surface: a sum of Gaussians, each a level, or the paper's blur."""
+    def _diffusion(self, before: Sequence[Node]) -> list[Node]:
+        """How light spreads below the surface: a sum of Gaussians, each a level, or the paper's blur.
+
+        `before` are the nodes so far.
+        """
         image, position, size = Ref("incoming", "absorbed"), Ref("atlas", "position"), self.atlas_size
         if self.method == "paper":
             kernels = [blur.window_taps(look.surface.blur) for look in self.looks]
@@ -512,20 +516,35 @@ class Pipeline:
         terms: list[Source] = [image]
         nodes: list[Node] = []
         metric, owner = Ref("atlas", "metric"), position
+        seen: Source = ONE
+        if self.method in ("lattice", "sum_of_gaussians", "none", "exact") and not self.whole:
+            nodes.append(seen_node(size, self.size, Ref("view", "depth"), Ref("view", "uv")))
+            seen = Ref("seen", "seen")
         spread: Source = Ref("atlas", "spread") if self.method == "lattice" and self._spreads else ONE
         if self.method == "exact":
             nodes.append(self._blank)
             terms = [Ref(self._blank.name, "image")]
         elif self.method == "lattice":
+            normal = Ref("atlas", "frame_n")
+            blocks: dict[int, WindowSource] = {}
+
+            def block(factor: int) -> WindowSource:
+                if factor not in blocks:
+                    blocks[factor] = block_node(size, image, metric, position, normal, factor)
+                    nodes.append(blocks[factor])
+                return blocks[factor]
+
             for number, width in enumerate(widths):
                 name = f"diffused_{number}"
                 if width < LEAST_LATTICE:
-                    nodes += window_nodes(name, size, image, metric, position, width, self._texel)
+                    source = block(window_factor(width, self._texel))
+                    nodes.append(window_node(name, size, source, position, seen, width, self._texel))
                     terms.append(Ref(name, "windowed"))
                 else:
-                    self.terms[name] = Term(*self._lattice(width), (1.0, 1.0, 1.0))
-                    normal = Ref("atlas", "frame_n")
-                    nodes += lattice_nodes(name, size, image, normal, metric, [self.terms[name]])
+                    factor = block_factor(width, self._texel)
+                    term = Term(*self._lattice(width, factor, before), (1.0, 1.0, 1.0))
+                    given = block(factor)
+                    nodes += lattice_nodes(name, size, image, position, normal, metric, given, seen, [term])
                     terms.append(Ref(name, "sliced"))
         elif self.method == "sum_of_gaussians":
             blurs, found = chained("diffused", size, image, metric, widths)
@@ -533,8 +552,8 @@ class Pipeline:
             terms += found
         elif self.method in ("screen_space", "splat"):
             owner, depth, size = Ref("view", "normal"), Ref("view", "depth"), self.size
-            seen: dict[str, Source] = {"image": image, "uv": Ref("view", "uv"), "depth": depth}
-            nodes.append(Arriving("arriving", size, [Draw(ArrivingValues())], seen))
+            read: dict[str, Source] = {"image": image, "uv": Ref("view", "uv"), "depth": depth}
+            nodes.append(Arriving("arriving", size, [Draw(ArrivingValues())], read))
             light = Ref("arriving", "arriving")
             if self.method == "screen_space":
                 blurs, found = screen_nodes(size, light, depth, screen_values(widths, self._pixels_per_mm))
@@ -546,7 +565,7 @@ class Pipeline:
             terms = [image, *found]
         slots = len(self.looks)
         draws = [
-            Draw(CombineValues(level, slots, MAX_SPREAD, blur.LEAST_COVERAGE), {"term": term})
+            tiled(size, CombineValues(level, slots, MAX_SPREAD, blur.LEAST_COVERAGE), {"term": term})
             for level, term in enumerate(terms)
         ]
         steps = SPREAD_STEPS if isinstance(spread, Ref) else 1
@@ -558,7 +577,7 @@ class Pipeline:
         digest = hashlib.blake2b(table.tobytes(), digest_size=16).hexdigest()
         nodes.append(Load("diffused_weights", f"{table.shape} {digest}", lambda: [table[::-1]]))
         inputs = {"image": image, "owner": owner, "spread": spread, "weights": Ref("diffused_weights", "image")}
-        nodes.append(Combine("diffused", size, draws, inputs))
+        nodes.append(Combine("diffused", size, draws, {**inputs, "seen": seen}, defines=tile_defines(size)))
         return nodes
 
     def _profile(self, look: int) -> GaussianSum:
@@ -589,20 +608,21 @@ class Pipeline:
             return levels(profiles, 0.0, False)
         return ()
 
-    def _lattice(self, sigma: float) -> tuple[str, LatticeTables]:
+    def _lattice(self, sigma: float, factor: int, before: Sequence[Node]) -> tuple[str, LatticeTables]:
         """The lattice's tables of a width, with the key that names them."""
         size = self.atlas_size[0]
-        key = f"{self.mesh.key} {size} {ATLAS_GUTTER} {sigma!r} {REACH}"
+        key = f"{self.mesh.key} {size} {ATLAS_GUTTER} {sigma!r} {factor}"
 
         def make() -> dict[str, NDArray[Any]]:
-            at = self._texels
-            gives = at.areas > 0
-            # Where light reaches a texel of the gutter from nowhere, what lies there stays.
-            away = cKDTree(at.positions[gives]).query(at.positions[~gives], distance_upper_bound=REACH * sigma)[0]
-            keep = gives.copy()
-            keep[~gives] = np.isfinite(away)
-            kept = Texels(at.index[keep], at.positions[keep], at.normals[keep], at.areas[keep])
-            return pack(tables(kept.positions, kept.normals, kept.areas, kept.index, size, sigma))
+            # What texels the driver fills, and where they lie, it knows best.
+            refs = [Ref("atlas", output) for output in ("position", "frame_n", "metric")]
+            found = FrameGraph(before, self._store).run(refs)
+            position, normal, metric = (
+                read_back(found[ref])[::-1].reshape(size * size, 4).astype(np.float64) for ref in refs
+            )
+            texel = np.flatnonzero(position[:, 3] > 0)
+            at = position[texel, :3]
+            return pack(tables(at, normal[texel, :3], metric[texel, 0], texel, size, sigma, factor))
 
         return key, unpack(diskcache.arrays("lattice", key, make, enabled=self._skip))
 

@@ -2,7 +2,7 @@
 // On software GL a nearest read by coordinate costs less than half of a texelFetch.
 vec4 at(sampler2D list, int index) {
     vec2 place = vec2(float(index & (ROW_WIDTH - 1)), float(index >> ROW_SHIFT)) + 0.5;
-    return textureLod(list, place / vec2(textureSize(list, 0)), 0.0);
+    return textureLod(list, place * vec2(1.0 / float(ROW_WIDTH), 1.0 / float(textureSize(list, 0).y)), 0.0);
 }
 
 // 30 bits of a float32 whose exponent is held within the normal range, so that no driver changes it.

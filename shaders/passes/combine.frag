@@ -15,8 +15,8 @@ void main() {
     vec3 ratio = fetch(spread, texel).rgb;
     vec3 place = clamp(ratio * ratio / (p.most * p.most), 0.0, 1.0) * float(size.x - 1);
     int row = p.level * p.slots + slot - 1;
-    vec3 weight;
-    for (int c = 0; c < 3; ++c) {
+    vec3 weight = texelFetch(weights, ivec2(0, row), 0).rgb;
+    for (int c = 0; c < (size.x > 1 ? 3 : 0); ++c) {
         int column = min(int(place[c]), max(size.x - 2, 0));
         float low = texelFetch(weights, ivec2(column, row), 0)[c];
         float high = texelFetch(weights, ivec2(min(column + 1, size.x - 1), row), 0)[c];

@@ -20,9 +20,10 @@ void main() {
     if (node >= p.nodes) {
         return;
     }
-    vec3 here = average(node).rgb;
-    vec4 next = at(along, node);
-    vec4 last = at(against, node);
+    vec4 own = average(node);
+    vec3 here = own.rgb;
+    vec4 next = at(links, 2 * node);
+    vec4 last = at(links, 2 * node + 1);
     vec3 a = change(here, next.x, last.x);
     vec3 b = change(here, next.y, last.y);
     vec3 c = change(here, next.z, last.z);
@@ -31,7 +32,8 @@ void main() {
     vec3 x = (a + b + c + d) / 8.0;
     vec3 y = (a - b + c - d) / 8.0;
     vec3 z = (a + b - c - d) / 8.0;
-    red = vec4(here.r, x.r, y.r, z.r);
+    // No average is negative.
+    red = vec4(here.r + own.a - 1.0, x.r, y.r, z.r);
     green = vec4(here.g, x.g, y.g, z.g);
     blue = vec4(here.b, x.b, y.b, z.b);
 }

@@ -3,47 +3,67 @@
 #include "lib/fetch.glsl"
 #include "lib/rows.glsl"
 
+// The node one diagonal step away; one that only borders on those with links stands for its neighbors.
+int beside(int node, vec3 step) {
+    vec4 found = at(links, 2 * min(node, p.nodes - 1) + (step.x < 0.0 ? 1 : 0));
+    bool y = step.x * step.y < 0.0;
+    bool z = step.x * step.z < 0.0;
+    float number = z ? (y ? found.w : found.z) : (y ? found.y : found.x);
+    return node < p.nodes ? int(number) : node;
+}
+
 void main() {
-    vec4 packed_words = fetch(slices, ivec2(gl_FragCoord.xy));
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    float packed_word = fetch(slices, texel).r;
     sliced = vec4(0.0);
-    if (packed_words.x == 0.0) {
+    if (packed_word == 0.0) {
         return;
     }
-    uvec4 words = uvec4(word(packed_words.x), word(packed_words.y), word(packed_words.z), word(packed_words.w));
-    uvec4 digits = words >> NODE_BITS;
-    ivec4 node = ivec4(words & ((1u << NODE_BITS) - 1u));
-    float M = float(digits.y) / PLACE_STEPS;
-    float m = float(digits.z) / PLACE_STEPS;
-    float n = float(digits.w) / PLACE_STEPS;
+    uint bits = word(packed_word);
+    bool bent = (bits & BENT) != 0u;
+    int own = int(bits & ((1u << NODE_BITS) - 1u));
+    // The even node nearest to the texel, of which the tables tell the parity: on a tie between two it decides.
+    vec3 place = fetch(position, texel).xyz / p.half_spacing;
+    vec3 parity = vec3((uvec3(bits) >> uvec3(NODE_BITS, NODE_BITS + 1, NODE_BITS + 2)) & 1u);
+    vec3 base = 4.0 * floor(0.25 * place - 0.5 * parity + 0.5) + 2.0 * parity;
+    vec3 offset = clamp(place - base, -1.0, 1.0);
+    vec3 sign = mix(vec3(1.0), vec3(-1.0), lessThan(offset, vec3(0.0)));
+    vec3 size = abs(offset);
+    bool x_longest = size.x >= size.y && size.x >= size.z;
+    bool y_longest = !x_longest && size.y >= size.z;
+    bool z_shortest = size.z <= size.y && size.z <= size.x;
+    bool y_shortest = !z_shortest && size.y <= size.x;
+    vec3 longest = vec3(x_longest, y_longest, !x_longest && !y_longest);
+    vec3 shortest = vec3(!z_shortest && !y_shortest, y_shortest, z_shortest);
+    float M = dot(longest, size);
+    float n = dot(shortest, size);
+    float m = size.x + size.y + size.z - M - n;
     vec4 weight = vec4(1.0 - 0.5 * (M + m), 0.5 * (M - m), 0.5 * (m + n), 0.5 * (m - n));
-    vec3 sign = 1.0 - 2.0 * vec3((uvec3(digits.x) >> uvec3(0, 1, 2)) & 1u);
-    uint longest = (digits.x >> 4) & 3u;
-    bool odd = (digits.x & 8u) != 0u;
-    bool bent = digits.x >= BENT;
-    vec3 axis = vec3(longest == 0u, longest == 1u, longest == 2u);
-    // The axis after x is y: shifting a unit vector to the right names the next axis, to the left the one before.
-    vec3 last = odd ? axis.zxy : axis.yzx;
-    vec3 offset = sign * (axis * M + (vec3(1.0) - axis - last) * m + last * n);
+    longest *= 2.0 * sign;
+    shortest *= 2.0 * sign;
+    int across = beside(own, sign);
+    ivec4 node = ivec4(own, beside(across, longest - sign), across, beside(own, sign - shortest));
     mat4 from = mat4(
         vec4(1.0, 0.5 * offset),
-        vec4(1.0, 0.5 * (offset - 2.0 * sign * axis)),
+        vec4(1.0, 0.5 * (offset - longest)),
         vec4(1.0, 0.5 * (offset - sign)),
-        vec4(1.0, 0.5 * (offset - sign + 2.0 * sign * last))
+        vec4(1.0, 0.5 * (offset - sign + shortest))
     );
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     // Loops of no turns rather than branches: software GL skips them.
     for (int k = 0; k < (bent ? 0 : 4); ++k) {
-        vec4 weights = weight[k] * from[k];
-        sum += vec3(dot(weights, at(red, node[k])), dot(weights, at(green, node[k])), dot(weights, at(blue, node[k])));
+        vec4 r = at(red, node[k]);
+        vec4 weights = (r.x < 0.0 ? 0.0 : weight[k]) * from[k];
+        sum += vec4(dot(weights, r), dot(weights, at(green, node[k])), dot(weights, at(blue, node[k])), weights.x);
     }
     // Where normals differ, with w = (1 + n . n') / 2, which is of rank four: so that light on the one side of an ear
     // does not reach the other side.
     vec4 total = vec4(0.0);
-    vec3 N = fetch(normal, ivec2(gl_FragCoord.xy)).xyz;
+    vec3 N = fetch(normal, texel).xyz;
     for (int k = 0; k < (bent ? 4 : 0); ++k) {
         vec4 turned = N.x * at(x, node[k]) + N.y * at(y, node[k]) + N.z * at(z, node[k]);
         total += weight[k] * (at(one, node[k]) + turned);
     }
-    sum += total.a > 0.0 ? total.rgb / total.a : vec3(0.0);
-    sliced = vec4(p.weight * sum, p.share);
+    sum += total.a > 0.0 ? vec4(total.rgb / total.a, 1.0) : vec4(0.0);
+    sliced = sum * vec4(p.weight, p.share);
 }

@@ -1,5 +1,5 @@
-// Each node of the lattice gathers from the texels in whose tetrahedra it is a corner.
-#include "lib/rows.glsl"
+// Each node of the lattice gathers from the blocks, and the single texels, in whose tetrahedra it is a corner.
+#include "lib/entries.glsl"
 
 void main() {
     int node = own_index();
@@ -7,13 +7,18 @@ void main() {
     if (node >= p.nodes) {
         return;
     }
-    int first = int(at(starts, node).r);
-    int stop = int(at(starts, node + 1).r);
-    vec2 size = vec2(textureSize(source, 0));
-    uint mask = (1u << p.texel_bits) - 1u;
-    for (int k = first; k < stop; ++k) {
+    int first = int(at(starts, 2 * node).r);
+    int middle = int(at(starts, 2 * node + 1).r);
+    int stop = int(at(starts, 2 * node + 2).r);
+    vec2 scale = 1.0 / vec2(textureSize(light, 0));
+    for (int k = first; k < middle; ++k) {
         uint entry = word(at(entries, k).r);
-        vec2 place = vec2(float(entry & mask), float((entry >> p.texel_bits) & mask)) + 0.5;
-        splat += float(entry >> (2 * p.texel_bits)) * textureLod(source, place / size, 0.0);
+        splat += weight_of(entry) * textureLod(light, place_of(entry) * scale, 0.0);
+    }
+    scale = 1.0 / vec2(textureSize(area, 0));
+    for (int k = middle; k < stop; ++k) {
+        uint entry = word(at(entries, k).r);
+        vec2 place = place_of(entry) * scale;
+        splat += weight_of(entry) * textureLod(area, place, 0.0).r * vec4(textureLod(image, place, 0.0).rgb, 1.0);
     }
 }

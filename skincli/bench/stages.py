@@ -55,15 +55,13 @@ class Stored:
     Parameters
     ----------
     graph : made with skip=False, so that every node runs
-    terms : of the surface lattice, by the node that slices it
 
     Attributes
     ----------
     arrays : (h, w, c) float32 by node and output
     """
 
-    def __init__(self, graph: FrameGraph, terms: Mapping[str, lattice.Term] | None = None) -> None:
-        self.terms = terms or {}
+    def __init__(self, graph: FrameGraph) -> None:
         self._nodes = graph.nodes
         refs = [Ref(node.name, output) for node in self._nodes.values() for output in node.outputs]
         self.arrays = {ref: read_back(texture) for ref, texture in graph.run(refs).items()}
@@ -124,13 +122,14 @@ def _absorb(node: Pass, stored: Stored) -> Array:
 
 
 def _lattice(node: Pass, stored: Stored) -> Array:
-    source = stored.node(f"{node.name}_source")
-    metric = stored.input(source, "area")
+    assert isinstance(node, lattice.LatticeSlice)
+    splat = stored.node(f"{node.name}_0_whole_splat")
     return lattice.twin(
-        [stored.terms[node.name]],
-        stored.input(source, "image")[..., :3],
+        node.terms,
+        stored.input(splat, "image")[..., :3],
+        stored.input(node, "position")[..., :3],
         stored.input(node, "normal")[..., :3],
-        metric[..., 0],
+        stored.input(splat, "area")[..., 0],
     )
 
 
@@ -297,7 +296,7 @@ def compare_stages(shadings: Sequence[str] = SHADINGS) -> list[StageError]:
     for shading in shadings:
         with tempfile.TemporaryDirectory() as folder:
             pipeline = Pipeline(load(Path(folder), STAGE_SCENE, f"render.shading={shading}"), ring(), skip=False)
-            stored = Stored(pipeline.graph, pipeline.terms)
+            stored = Stored(pipeline.graph)
             for node in pipeline.graph.nodes.values():
                 stage = STAGES.get(type(node))
                 if stage is None:

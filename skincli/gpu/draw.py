@@ -25,6 +25,7 @@ class DrawCall:
     layout : its uniform block
     samplers : (name, filter, repeat) of the textures it may read
     geometry, topology, part : what is drawn; topology "screen" is one triangle over the target
+    points : draw so many points instead, which have no attributes
 
     Raises
     ------
@@ -39,6 +40,7 @@ class DrawCall:
         geometry: Geometry | None = None,
         topology: str = "screen",
         part: int | None = None,
+        points: int = 0,
     ) -> None:
         program = compile_program(text)
         #: names of the textures that the compiled program reads, in the order in which they are to be given
@@ -60,9 +62,10 @@ class DrawCall:
                     "update the driver, or choose another by SKINCLI_DEVICE"
                 )
             self._block = get_context().buffer(reserve=layout.size, dynamic=True)
-        if topology == "screen":
+        self._mode = moderngl.POINTS if points else moderngl.TRIANGLES
+        if points or topology == "screen":
             self._vertices = get_context().vertex_array(program, [])
-            self._first, self._count = 0, 3
+            self._first, self._count = 0, points or 3
         else:
             assert geometry is not None
             assert part is not None
@@ -86,7 +89,7 @@ class DrawCall:
             texture.handle.use(unit)
             state.use(unit)
         if self._count:
-            self._vertices.render(moderngl.TRIANGLES, vertices=self._count, first=self._first)
+            self._vertices.render(self._mode, vertices=self._count, first=self._first)
             COUNTERS.draws += 1
 
 
@@ -96,7 +99,8 @@ def bind_target(pool: TexturePool, targets: Sequence[Texture], additive: bool, d
     framebuffer = pool.framebuffer(targets, depth)
     framebuffer.use()
     framebuffer.clear()
-    context.enable_only((context.BLEND if additive else 0) | (context.DEPTH_TEST if depth else 0))
+    blend, nearest = context.BLEND if additive else 0, context.DEPTH_TEST if depth else 0
+    context.enable_only(blend | nearest | context.PROGRAM_POINT_SIZE)
     if additive:
         context.blend_func = context.ONE, context.ONE
 

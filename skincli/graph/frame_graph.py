@@ -318,7 +318,13 @@ class FrameGraph:
             samplers = [(name, texture.filter, texture.repeat) for name, texture in node.inputs.items()]
             self._calls[key] = [
                 DrawCall(
-                    node.text(draw, outputs), draw.values.layout, samplers, node.geometry, draw.topology, draw.part
+                    node.text(draw, outputs),
+                    draw.values.layout,
+                    samplers,
+                    node.geometry,
+                    draw.topology,
+                    draw.part,
+                    draw.points,
                 )
                 for draw in node.draws
             ]

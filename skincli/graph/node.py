@@ -80,12 +80,14 @@ class Draw:
     inputs : sources of this draw's own inputs, over those of the node
     topology : "screen" (one triangle over the target), "faces", "borders" or "tiles" of the node's geometry
     part : the mesh part to draw, None for a screen draw
+    points : draw so many points instead; the vertex shader has nothing but gl_VertexID
     """
 
     values: Values
     inputs: Mapping[str, Source] = field(default_factory=dict)
     topology: str = "screen"
     part: int | None = None
+    points: int = 0
 
 
 class Node:
@@ -233,7 +235,8 @@ class Pass(Node):
         digest = hashlib.blake2b(module_digest(type(self).__module__), digest_size=16)
         digest.update(f"{self.size} {self.geometry.key if self.geometry else ''} {self.outputs}".encode())
         for draw in self.draws:
-            digest.update(f"{self.text(draw, tuple(self.outputs)).key} {draw.topology} {draw.part};".encode())
+            text = self.text(draw, tuple(self.outputs)).key
+            digest.update(f"{text} {draw.topology} {draw.part} {draw.points};".encode())
         return digest.digest()
 
     def with_values(self, values: Sequence[Values]) -> Pass:

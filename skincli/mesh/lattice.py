@@ -9,21 +9,24 @@ with their gradients, and tables that keep each line of nodes contiguous.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from skincli.errors import LimitError
 
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-#: lattice constant (edge of the cubic cell) over sigma
-RATIO = 1.0
+#: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
+NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 1.0
+
+#: what the taps are given of the variance that they should have, and of a Gaussian's fourth moment at a ratio of 1 and
+#: for each 1 more: least error on planes, where gradients in cells and the end of the blur at the ring sharpen a bit
+KEPT_VARIANCE, KEPT_FOURTH, MORE_FOURTH = 0.98, 0.92, 0.24
 
 #: texels of a row in all tables and node textures, a power of two
 WIDTH = 2048
@@ -47,15 +50,19 @@ _UNITS = np.array([1 - (1 << 2 * _BITS) - (1 << _BITS), 1 << 2 * _BITS, 1 << _BI
 #: bits of a word
 WORD_BITS = 30
 
-#: bits of a word of `slices` that name a node; the other eight hold a code or a place
+#: bits of a word of `slices` that name a node; after them three that tell the node from others nearby, and BENT
 NODE_BITS = 22
-PLACE_STEPS = 255
+BENT = 1 << NODE_BITS + 3
 
 #: bits of a word of `lines` before the five that say which nodes exist
 LINE_BITS = 25
 
-#: added to a texel's code where it reads the sums with normals
-BENT = 64
+#: texels along the side of a block are the power of two by which it stays below sigma over this: wider ones move the
+#: light at its edges by more than all else errs
+BLOCKS_PER_SIGMA = 2.2
+
+#: sigmas that a texel may lie from the middle of its block; others give their light by themselves
+BLOCK_REACH = 0.5
 
 
 @dataclass(frozen=True)
@@ -64,13 +71,14 @@ class Chain:
 
     Parameters
     ----------
-    level : nodes after the splat and after each of the four directions
-    starts : first entry of each node of the splat, and one more
-    entries : texel and weight of each contribution, by node
+    nodes, kept : how many there are before and after the last of the four directions
+    starts : for each node its first entry of a block and its first of a texel; and where the last ends
+    entries : place and weight of each contribution, by node
     lines : per direction: where a node's line goes on in the previous texture, and which of its five nodes exist
     """
 
-    level: tuple[int, ...]
+    nodes: int
+    kept: int
     starts: NDArray[np.float32]
     entries: NDArray[np.float32]
     lines: tuple[NDArray[np.float32], ...]
@@ -90,33 +98,69 @@ class LatticeTables:
     Parameters
     ----------
     spacing : lattice constant, mm
-    ratio : the same over sigma
-    texel_bits : bits of an entry for each coordinate of its texel; the rest hold the weight
+    ratio : the same over what the blocks leave of sigma
+    factor : texels along the side of a block
+    place_bits : bits of an entry for each coordinate of its block or texel; the rest hold the weight
     whole : sums of irradiance and area at all nodes
     bent : the same and times the normal, at those nodes where normals differ; they are the first nodes of `whole`
     nodes : how many nodes texels read; those of `whole` after them are only their neighbors
-    links : two of (h, WIDTH, 4): nodes one step along and against each direction
-    slices : (size, size, 4) the four nodes of a texel's tetrahedron, its orientation, its place in it, and whether it
-        reads `bent`; 0 for no texel
+    links : (h, WIDTH, 4), two of each node: the nodes one step along each direction, and against it
+    slices : (size, size, 1) the node in whose cube a texel lies, the parity of half its coordinates, and whether the
+        texel reads `bent`; 0 for no texel
     """
 
     spacing: float
     ratio: float
-    texel_bits: int
+    factor: int
+    place_bits: int
     whole: Chain
     bent: Chain
     nodes: int
-    links: tuple[NDArray[np.float32], NDArray[np.float32]]
+    links: NDArray[np.float32]
     slices: NDArray[np.float32]
 
     @property
     def nbytes(self) -> int:
         """Bytes of all tables."""
-        return self.whole.nbytes + self.bent.nbytes + sum(array.nbytes for array in (*self.links, self.slices))
+        return self.whole.nbytes + self.bent.nbytes + self.links.nbytes + self.slices.nbytes
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Where light is given from: blocks of texels, then single ones.
+
+    Parameters
+    ----------
+    positions, normals, areas : of the points
+    address : column and row of the block or texel
+    blocks : how many are blocks
+    of : (n,) the point of each texel
+    blur : variance about the middle of a block, mm² per axis of the surface
+    """
+
+    positions: Floats
+    normals: Floats
+    areas: Floats
+    address: NDArray[np.uint32]
+    blocks: int
+    of: Keys
+    blur: float
+
+
+def block_factor(sigma: float, texel: float) -> int:
+    """Return the texels along the side of the blocks from which a Gaussian's light is given; both in mm."""
+    return 1 << max(0, math.floor(math.log2(sigma / (BLOCKS_PER_SIGMA * texel))))
 
 
 def tables(
-    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, sigma: float, ratio: float = RATIO
+    positions: Floats,
+    normals: Floats,
+    areas: Floats,
+    texel: Keys,
+    size: int,
+    sigma: float,
+    factor: int = 1,
+    ratio: float | None = None,
 ) -> LatticeTables:
     """Return the tables of one Gaussian.
 
@@ -128,90 +172,119 @@ def tables(
     texel : (n,) row * size + column
     size : texels a side
     sigma : mm
-    ratio : lattice constant over sigma
+    factor : texels along the side of the blocks from which light is given
+    ratio : lattice constant over sigma, if not the one that suits
 
     Raises
     ------
     LimitError : the surface has more nodes than a table can name
     """
-    spacing = ratio * sigma
-    corner, place, code = tetrahedra(positions, spacing)
-    weights = tetrahedron_weights(place)
-    texel_bits = max(11, (size - 1).bit_length())
-    address = (texel % size | texel // size << texel_bits).astype(np.uint32)
-    keys, node = _numbered(corner)
-    if len(keys) >= 1 << NODE_BITS:
-        raise LimitError(
-            f"sigma {sigma:.2f} mm takes {len(keys)} lattice nodes on this mesh; at most {1 << NODE_BITS} are allowed; "
-            "choose a larger optics.radius"
-        )
-    receives, gives = _bent(positions, normals, areas, sigma)
-    first = np.zeros(len(keys), dtype=bool)
-    first[node[receives]] = True
-    rank = np.empty(len(keys), dtype=np.int64)
-    rank[first] = np.arange(first.sum())
-    rank[~first] = np.arange(first.sum(), len(keys))
+    spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
+    place_bits = max(11, (size - 1).bit_length())
+    points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
+    receives, gives = _bent(points.positions, points.normals, points.areas, sigma)
+    bends = receives[points.of]
 
-    around = _ring(keys)
-    target = np.concatenate([keys[first], keys[~first], np.setdiff1d(around, keys, assume_unique=True)])
-    whole, links = _chain(keys, node, weights, areas > 0, address, texel_bits, around, target, len(keys))
-    some, some_node = _numbered(corner[gives])
-    near = _ring(np.union1d(some, keys[first]))
-    bent, _ = _chain(
-        some, some_node, weights[gives], areas[gives] > 0, address[gives], texel_bits, near, keys[first], 0
+    base, code, _ = _cubes(positions, spacing)
+    keys, own = _numbered(_key(base))
+    corner, place, _ = tetrahedra(points.positions, spacing)
+    # Many texels share a tetrahedron; mostly those of few nodes see normals differ.
+    some = _corners_of(keys, own[bends], code[bends])
+    reads = np.union1d(_corners_of(keys, own, code), some)
+    reads = np.union1d(reads, corner)
+    if len(reads) >= 1 << NODE_BITS:
+        raise LimitError(
+            f"sigma {sigma:.2f} mm takes {len(reads)} lattice nodes on this mesh; at most {1 << NODE_BITS} are "
+            "allowed; choose a larger optics.radius"
+        )
+    around = _ring(reads)
+    rest = np.setdiff1d(reads, some, assume_unique=True)
+    target = np.concatenate([some, rest, np.setdiff1d(around, reads, assume_unique=True)])
+    weights = tetrahedron_weights(place)
+    gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
+    whole, links, number = _chain(around, target, gifts, place_bits, len(reads))
+
+    near = np.flatnonzero(gives)
+    gifts = _Gifts(
+        corner[near],
+        weights[near],
+        points.address[near],
+        points.areas[near] > 0,
+        int(np.searchsorted(near, points.blocks)),
+    )
+    bent, _, _ = _chain(_ring(np.union1d(corner[near], some)), some, gifts, place_bits, 0)
+
+    words = (
+        number[np.searchsorted(around, keys)][own]
+        | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
+    )
+    slices = np.zeros(size * size, dtype=np.float32)
+    slices[texel] = _as_float(words | BENT * bends)
+    left = spacing / np.sqrt(sigma**2 - points.blur)
+    return LatticeTables(
+        spacing, left, factor, place_bits, whole, bent, len(reads), links, slices.reshape(size, size, 1)
     )
 
-    slices = np.zeros((size * size, 4), dtype=np.float32)
-    digits = np.concatenate([code[:, None] + BENT * receives[:, None], np.rint(place * PLACE_STEPS)], axis=1)
-    slices[texel] = _as_float(rank[node] | digits.astype(np.int64) << NODE_BITS)
-    return LatticeTables(spacing, ratio, texel_bits, whole, bent, len(keys), links, slices.reshape(size, size, 4))
+
+def _points(
+    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
+) -> _Points:
+    """Return the blocks of texels that lie together within `reach` of their middle, and all other texels."""
+    row, column = np.divmod(texel, size)
+    side = -(-size // factor)
+    block = row // factor * side + column // factor
+    # Where a block holds no area, its middle counts.
+    mass = areas + 1e-9 * areas.mean()
+
+    def summed(values: Floats) -> Floats:
+        return np.bincount(block, values, side * side).astype(np.float64)
+
+    total = summed(mass)
+    held = np.maximum(total, 1e-300)
+    middle = np.stack([summed(mass * axis) / held for axis in positions.T], axis=1)
+    away = np.sum((positions - middle[block]) ** 2, axis=1)
+    wide = summed((away > reach**2).astype(np.float64)) > 0
+    alone = np.flatnonzero(wide[block])
+    good = np.flatnonzero((total > 0) & ~wide)
+    mean = np.stack([summed(mass * axis) / held for axis in normals.T], axis=1)
+    of = np.empty(side * side, dtype=np.int64)
+    of[good] = np.arange(len(good))
+    of = of[block]
+    of[alone] = len(good) + np.arange(len(alone))
+    own = np.ones(len(texel), dtype=bool)
+    own[alone] = False
+    return _Points(
+        np.concatenate([middle[good], positions[alone]]),
+        np.concatenate([mean[good], normals[alone]]),
+        np.concatenate([summed(areas)[good], areas[alone]]),
+        np.concatenate([_address(good, side, bits), _address(texel[alone], size, bits)]),
+        len(good),
+        of,
+        float(areas[own] @ away[own] / areas.sum()) / 2,
+    )
 
 
-@cache
+def _address(index: Keys, side: int, bits: int) -> NDArray[np.uint32]:
+    """Return column and row of places in a square."""
+    return (index % side | index // side << bits).astype(np.uint32)
+
+
 def taps(ratio: float, gradients: bool = True) -> tuple[float, float, float]:
     """Return the weights of a node and of the first and second pair along a line, which sum to 1.
 
-    Splat, four blurs and slice together answer waves like the Gaussian does, as nearly as least squares over the
-    volume of wave vectors allow: the surface is thin, so waves across it are as short as the lattice holds.
+    Four directions together blur by their variance times the squared lattice constant along each axis; the splat does
+    by a twelfth of it.
 
     Parameters
     ----------
     ratio : lattice constant over sigma
-    gradients : whether the slice knows them; without, it blurs by itself
+    gradients : whether the slice knows them; without, it blurs like the splat
     """
-    random = np.random.default_rng(0)
-    length = np.linspace(0.15, 5.0, 60)
-    wave = random.normal(size=(8, len(length), 3))
-    wave *= (length / np.linalg.norm(wave, axis=2))[..., None]
-    # From radians per sigma to radians per half lattice constant.
-    wave = wave.reshape(-1, 3) * (ratio / 2)
-    around = _transfer(wave, 0.5 if gradients else 0.0, random)
-    wanted = np.exp(-0.5 * (np.linalg.norm(wave, axis=1) * 2 / ratio) ** 2)
-    phase = wave @ DIRECTIONS.T
-    weight = np.linalg.norm(wave, axis=1)
-
-    def fault(pairs: Floats) -> Floats:
-        line = 1 - 2 * pairs.sum() + 2 * pairs[0] * np.cos(phase) + 2 * pairs[1] * np.cos(2 * phase)
-        return weight * (around * line.prod(axis=1) - wanted)
-
-    near, far = optimize.least_squares(fault, [0.2, 0.03]).x
-    return float(1 - 2 * (near + far)), float(near), float(far)
-
-
-def _transfer(wave: Floats, share: float, random: np.random.Generator) -> Floats:
-    """Return the mean response of splat and slice to (m, 3) waves, radians per half lattice constant.
-
-    `share` of the gradients enters the slice.
-    """
-    _, place, code = tetrahedra(random.uniform(-1, 1, (400, 3)), 2.0)
-    offset, weights = unpacked_place(code, place)
-    phase = -np.einsum("md,nkd->mnk", wave, offset)
-    splat = np.sum(weights * np.cos(phase), axis=2).mean(axis=1)
-    # The wave's slope as differences of neighbors tell it.
-    slope = np.sin(wave @ DIRECTIONS.T) @ DIRECTIONS / 4
-    change = -share * np.einsum("md,nkd->mnk", slope, offset)
-    slice_ = np.sum(weights * (np.cos(phase) + np.sin(phase) * change), axis=2).mean(axis=1)
-    return splat * slice_
+    variance = KEPT_VARIANCE * (1 / ratio**2 - (1 if gradients else 2) / 12)
+    fourth = (KEPT_FOURTH + MORE_FOURTH * (ratio - 1)) * 3 * variance**2
+    far = (fourth - variance) / 24
+    near = variance / 2 - 4 * far
+    return 1 - 2 * (near + far), near, far
 
 
 def coordinates(keys: Keys) -> Floats:
@@ -222,15 +295,15 @@ def coordinates(keys: Keys) -> Floats:
     return np.stack([x, y, z], axis=-1).astype(np.float64)
 
 
-def _numbered(corner: Keys) -> tuple[Keys, Keys]:
-    """Return the distinct keys, ascending, and for each of (n, 4) keys its number among them."""
-    flat = corner.ravel()
+def _numbered(keys: Keys) -> tuple[Keys, Keys]:
+    """Return the distinct keys, ascending, and for each its number among them."""
+    flat = keys.ravel()
     order = np.argsort(flat, kind="stable")
     ordered = flat[order]
     new = np.append(True, ordered[1:] != ordered[:-1])[: len(flat)]
     node = np.empty(len(flat), dtype=np.int64)
     node[order] = np.cumsum(new) - 1
-    return ordered[new], node.reshape(-1, 4)
+    return ordered[new], node.reshape(keys.shape)
 
 
 def _ring(keys: Keys) -> Keys:
@@ -271,23 +344,52 @@ def tetrahedra(positions: Floats, spacing: float) -> tuple[Keys, Floats, NDArray
     place : (n, 3) distances from a along the axes, in half lattice constants, longest first: 1 >= M >= m >= n >= 0
     code : (n,) 0 to 47: the order of the axes times 8 plus the signs
     """
+    base, code, place = _cubes(positions, spacing)
+    return _corners(_key(base), code), place, code
+
+
+def _cubes(positions: Floats, spacing: float) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Return coordinates of the even node a in whose cube each point lies, and code and place as `tetrahedra` does."""
     at = positions / (spacing / 2)
     base = 2 * np.floor(at / 2 + 0.5)
     offset = at - base
     size = np.abs(offset)
     axes = np.argsort(-size, axis=1, kind="stable")
-    place = np.take_along_axis(size, axes, axis=1)
-    negative = offset < 0
-    sign = np.where(negative, -1, 1).astype(np.int64)
-    steps = sign * _UNITS
-    a = base.astype(np.int64) @ _UNITS + _ORIGIN
-    far = a + steps.sum(axis=1)
-    longest = np.take_along_axis(steps, axes[:, :1], axis=1)[:, 0]
-    shortest = np.take_along_axis(steps, axes[:, 2:], axis=1)[:, 0]
     # Lehmer code: which axis is the longest, and whether the other two are in cyclic order.
     cyclic = (axes[:, 1] - axes[:, 0]) % 3 == 1
-    code = (axes[:, 0] * 2 + ~cyclic) * 8 + (negative * np.array([1, 2, 4])).sum(axis=1)
-    return np.stack([a, a + 2 * longest, far, far - 2 * shortest], axis=1), place, code
+    code = (axes[:, 0] * 2 + ~cyclic) * 8 + ((offset < 0) * np.array([1, 2, 4])).sum(axis=1)
+    return base, code, np.take_along_axis(size, axes, axis=1)
+
+
+def _key(base: Floats) -> Keys:
+    return np.asarray(base.astype(np.int64) @ _UNITS + _ORIGIN)
+
+
+def _corners(key: Keys, code: NDArray[np.int64]) -> Keys:
+    """Return (n, 4) keys of a tetrahedron by its first node and its code."""
+    axes, sign = _oriented(code)
+    steps = sign.astype(np.int64) * _UNITS
+    longest, shortest = (np.take_along_axis(steps, axes[:, k : k + 1], axis=1)[:, 0] for k in (0, 2))
+    far = key + steps.sum(axis=1)
+    return np.stack([key, key + 2 * longest, far, far - 2 * shortest], axis=1)
+
+
+def _corners_of(keys: Keys, own: Keys, code: NDArray[np.int64]) -> Keys:
+    """Return the distinct nodes, ascending, of tetrahedra that begin at keys[own]."""
+    met = np.zeros(len(keys) * 48, dtype=bool)
+    met[own * 48 + code] = True
+    found = np.flatnonzero(met)
+    return np.unique(_corners(keys[found // 48], found % 48))
+
+
+def _oriented(code: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
+    """Return (n, 3) the axes, longest first, and the signs along x, y, z."""
+    axes = np.zeros((len(code), 3), dtype=np.int64)
+    axes[:, 0] = code >> 4
+    step = np.where(code & 8, 2, 1)
+    axes[:, 1] = (axes[:, 0] + step) % 3
+    axes[:, 2] = (axes[:, 0] - step) % 3
+    return axes, (1.0 - 2.0 * (code[:, None] >> np.arange(3) & 1)).astype(np.float64)
 
 
 def tetrahedron_weights(place: Floats) -> Floats:
@@ -300,12 +402,7 @@ def tetrahedron_weights(place: Floats) -> Floats:
 
 def unpacked_place(code: NDArray[np.int64], place: Floats) -> tuple[Floats, Floats]:
     """Return what `tetrahedra` packed: (n, 4, 3) offsets from the corners, in half lattice constants, and weights."""
-    axes = np.zeros((len(code), 3), dtype=np.int64)
-    axes[:, 0] = code >> 4
-    step = np.where(code & 8, 2, 1)
-    axes[:, 1] = (axes[:, 0] + step) % 3
-    axes[:, 2] = (axes[:, 0] - step) % 3
-    sign = 1.0 - 2.0 * (code[:, None] >> np.arange(3) & 1)
+    axes, sign = _oriented(code)
     unit = np.eye(3)
     offset = sign * np.einsum("nk,nkd->nd", place, unit[axes])
     far = offset - sign
@@ -342,109 +439,85 @@ def _line_keys(keys: Keys, direction: NDArray[np.int64]) -> Keys:
     return keys + x * shift
 
 
-def _chain(
-    keys: Keys,
-    node: Keys,
-    weights: Floats,
-    gives: NDArray[np.bool_],
-    address: NDArray[np.uint32],
-    texel_bits: int,
-    universe: Keys,
-    target: Keys,
-    linked: int,
-) -> tuple[Chain, tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """Return the tables of a splat and four blurs, and the links among the first `linked` nodes and all others.
+@dataclass(frozen=True)
+class _Gifts:
+    """What points give to nodes.
 
     Parameters
     ----------
-    keys : nodes of the splat, ascending
-    node, weights : (n, 4) of each point
-    gives, address : (n,) whether a point has area, and its texel
+    corner, weights : (n, 4) the nodes and the shares
+    address : (n,) column and row of block or texel
+    gives : (n,) whether a point has area
+    blocks : how many points are blocks; texels follow
+    """
+
+    corner: Keys
+    weights: Floats
+    address: NDArray[np.uint32]
+    gives: NDArray[np.bool_]
+    blocks: int
+
+
+def _chain(
+    universe: Keys, target: Keys, gifts: _Gifts, place_bits: int, linked: int
+) -> tuple[Chain, NDArray[np.float32], Keys]:
+    """Return the tables of a splat and four blurs, the links of the first `linked` nodes, and the nodes' numbers.
+
+    Parameters
+    ----------
     universe : ascending keys of all nodes that may hold a value
     target : keys of the nodes after the last blur, in their order
     """
-    entry = np.argsort(node.ravel(), kind="stable")
-    entry = entry[gives[entry >> 2] & (weights.ravel()[entry] > 0)]
-    counts = np.bincount(node.ravel()[entry], minlength=len(keys))
-    steps = (1 << WORD_BITS - 2 * texel_bits) - 1
-    quantized = np.rint(weights.ravel()[entry] * steps).astype(np.uint32)
-    words = address[entry >> 2] | quantized << np.uint32(2 * texel_bits)
+    flat = gifts.corner.ravel()
+    steps = (1 << WORD_BITS - 2 * place_bits) - 1
+    quantized = np.rint(gifts.weights.ravel() * steps).astype(np.uint32)
+    entry = np.flatnonzero(np.repeat(gifts.gives, 4) & (quantized > 0))
+    # Blocks come before texels, and a stable sort leaves them there.
+    entry = entry[np.argsort(flat[entry], kind="stable")]
+    words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
+    keys, node = _numbered(flat[entry])
+    node = np.searchsorted(universe, keys)[node]
+    single = entry >> 2 >= gifts.blocks
+    counts = np.bincount(2 * node + single, minlength=2 * len(universe))
     starts = np.append(0, np.cumsum(counts)).astype(np.float32)
 
-    orders, joins = [], []
-    for direction in DIRECTIONS:
-        line = _line_keys(universe, direction)
-        order = np.argsort(line, kind="stable").astype(np.int32)
-        ahead = line[order]
-        orders.append(order)
-        joins.append(np.append(ahead[1:] == ahead[:-1] + 1, False)[: len(line)])
-
-    def spread(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
-        """Grow a set of nodes by two steps both ways along direction k."""
-        lined, joined = mask[orders[k]], joins[k][:-1]
-        for _ in range(2):
-            grown = lined.copy()
-            grown[:-1] |= lined[1:] & joined
-            grown[1:] |= lined[:-1] & joined
-            lined = grown
-        result = np.empty_like(mask)
-        result[orders[k]] = lined
-        return result
-
     final = np.searchsorted(universe, target)
-    ends = [np.zeros(len(universe), dtype=bool) for _ in range(2)]
-    ends[0][np.searchsorted(universe, keys)] = True
-    ends[1][final] = True
-    forward, backward = [ends[0]], [ends[1]]
-    for k in range(3):
-        forward.append(spread(forward[-1], k))
-        backward.append(spread(backward[-1], 3 - k))
-    levels = [ends[0], *(forward[k] & backward[4 - k] for k in (1, 2, 3)), ends[1]]
-
-    number = np.empty(len(universe), dtype=np.float32)
+    number = np.zeros(len(universe), dtype=np.int64)
     number[final] = np.arange(len(final))
-    along = np.empty((len(universe), 4), dtype=np.float32)
-    against = np.empty((len(universe), 4), dtype=np.float32)
-    lines = []
-    for k in range(4):
-        order, joined = orders[k], joins[k]
-        here = levels[k][order]
+    links = np.empty((len(universe), 8), dtype=np.float32)
+    lines = [_line_keys(universe, direction) for direction in DIRECTIONS]
+    orders = [np.argsort(line, kind="stable") for line in lines]
+    made = []
+    for k, order in enumerate(orders):
+        ahead = lines[k][order]
+        joined = np.append(ahead[1:] == ahead[:-1] + 1, False)[: len(order)]
         # Which of the nodes two and one before, here, one and two after exist.
-        chain = [np.zeros(len(order), dtype=bool) for _ in range(5)]
-        chain[2] = here
-        chain[1][1:] = here[:-1] & joined[:-1]
-        chain[3][:-1] = here[1:] & joined[:-1]
-        chain[0][2:] = here[:-2] & joined[:-2] & joined[1:-1]
-        chain[4][:-2] = here[2:] & joined[:-2] & joined[1:-1]
-        place = np.cumsum(here) - here
-        exists = sum(one.astype(np.uint32) << bit for bit, one in enumerate(chain))
+        before = np.append(False, joined)[: len(order)]
+        twice = joined & np.append(joined[1:], False)[: len(order)]
+        exists = (np.append([False, False], twice)[: len(order)] * 1 | before * 2 | 4 | joined * 8 | twice * 16).astype(
+            np.uint32
+        )
         word = np.empty(len(order), dtype=np.uint32)
-        word[order] = place.astype(np.uint32) | exists << LINE_BITS
-        out = final if k == 3 else orders[k + 1][levels[k + 1][orders[k + 1]]]
-        lines.append(rows(_as_float(word[out])[:, None]))
+        word[order] = np.arange(len(order), dtype=np.uint32) | exists << np.uint32(LINE_BITS)
+        out = final if k == 3 else orders[k + 1]
+        made.append(rows(_as_float(word[out])[:, None]))
         if linked:
-            numbers = number[order]
-            beside = numbers.copy()
-            beside[:-1] = np.where(joined[:-1], numbers[1:], numbers[:-1])
-            along[order, k] = beside
-            beside = numbers.copy()
-            beside[1:] = np.where(joined[:-1], numbers[:-1], numbers[1:])
-            against[order, k] = beside
-    level = tuple(int(mask.sum()) for mask in levels)
-    chain_tables = Chain(level, rows(starts[:, None]), rows(_as_float(words)[:, None]), tuple(lines))
-    return chain_tables, (rows(along[final[:linked]]), rows(against[final[:linked]]))
+            own = number[order]
+            links[order, k] = np.where(joined, np.append(own[1:], 0)[: len(own)], own)
+            links[order, 4 + k] = np.where(before, np.append(0, own)[: len(own)], own)
+    chain = Chain(len(universe), len(final), rows(starts[:, None]), rows(_as_float(words)[:, None]), tuple(made))
+    return chain, rows(links[final[:linked]].reshape(-1, 4)), number
 
 
 def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:
     """Return the tables as named arrays, as the disk cache keeps them."""
     entry: dict[str, NDArray[Any]] = {
-        "numbers": np.array([tables.spacing, tables.ratio, tables.texel_bits, tables.nodes]),
-        "along": tables.links[0],
-        "against": tables.links[1],
+        "numbers": np.array([tables.spacing, tables.ratio, tables.factor, tables.place_bits, tables.nodes]),
+        "links": tables.links,
         "slices": tables.slices,
     }
     for name, chain in (("whole", tables.whole), ("bent", tables.bent)):
-        entry |= {f"{name}_level": np.array(chain.level), f"{name}_starts": chain.starts}
+        entry |= {f"{name}_level": np.array([chain.nodes, chain.kept]), f"{name}_starts": chain.starts}
         entry |= {f"{name}_entries": chain.entries}
         entry |= {f"{name}_lines{k}": array for k, array in enumerate(chain.lines)}
     return entry
@@ -454,13 +527,14 @@ def unpack(entry: dict[str, NDArray[Any]]) -> LatticeTables:
     """Return the tables that `pack` has taken apart."""
     whole, bent = (
         Chain(
-            tuple(map(int, entry[f"{name}_level"])),
+            int(entry[f"{name}_level"][0]),
+            int(entry[f"{name}_level"][1]),
             entry[f"{name}_starts"],
             entry[f"{name}_entries"],
             tuple(entry[f"{name}_lines{k}"] for k in range(4)),
         )
         for name in ("whole", "bent")
     )
-    spacing, ratio, texel_bits, nodes = map(float, entry["numbers"])
-    links = entry["along"], entry["against"]
-    return LatticeTables(spacing, ratio, int(texel_bits), whole, bent, int(nodes), links, entry["slices"])
+    spacing, ratio, *numbers = map(float, entry["numbers"])
+    factor, place_bits, nodes = map(int, numbers)
+    return LatticeTables(spacing, ratio, factor, place_bits, whole, bent, nodes, entry["links"], entry["slices"])

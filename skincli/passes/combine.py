@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
-from skincli.graph.node import Input, Output, Pass, Source
+from skincli.graph.node import Input, Output, Source
+from skincli.passes.seen import Tiled
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,19 @@ class CombineValues(Values):
     least: float
 
 
-class Combine(Pass):
+class Combine(Tiled):
     """Diffused light (rgb) and coverage (a). The columns of `weights` are spaced evenly in the squared ratio."""
 
     shader = "passes/combine.frag"
     additive = True
-    inputs = {"term": Input(), "image": Input(), "owner": Input(), "spread": Input(), "weights": Input()}
+    inputs = {
+        "seen": Input(),
+        "term": Input(),
+        "image": Input(),
+        "owner": Input(),
+        "spread": Input(),
+        "weights": Input(),
+    }
     outputs = {"blurred": Output()}
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,14 @@ from skincli.mesh.lattice import (
     DIRECTIONS,
     LINE_BITS,
     NODE_BITS,
-    PLACE_STEPS,
     WIDTH,
     Chain,
     LatticeTables,
     as_words,
     taps,
-    unpacked_place,
+    tetrahedron_weights,
 )
+from skincli.passes.seen import Tiled, tile_defines, tiled
 
 #: what the shaders share with the tables
 DEFINES = (
@@ -31,22 +32,8 @@ DEFINES = (
     ("ROW_SHIFT", str(WIDTH.bit_length() - 1)),
     ("LINE_BITS", str(LINE_BITS)),
     ("NODE_BITS", str(NODE_BITS)),
-    ("PLACE_STEPS", f"{PLACE_STEPS}.0"),
     ("BENT", f"{BENT}u"),
 )
-
-
-@dataclass(frozen=True)
-class SourceValues(Values):
-    """No values."""
-
-
-class LatticeSource(Pass):
-    """Irradiance times area (rgb) and area (a, mm²) of each texel."""
-
-    shader = "passes/lattice_source.frag"
-    inputs = {"image": Input(), "area": Input()}
-    outputs = {"source": Output()}
 
 
 @dataclass(frozen=True)
@@ -56,18 +43,18 @@ class SplatValues(Values):
     Parameters
     ----------
     nodes : how many there are
-    texel_bits : bits of an entry for each coordinate of its texel
+    place_bits : bits of an entry for each coordinate of its block or texel
     """
 
     nodes: int
-    texel_bits: int
+    place_bits: int
 
 
 class LatticeSplat(Pass):
-    """The sums that the texels give to each node, up to a common factor."""
+    """The sums that blocks of texels, and texels, give to each node, up to a common factor."""
 
     shader = "passes/lattice_splat.frag"
-    inputs = {"source": Input(), "starts": Input(), "entries": Input()}
+    inputs = {name: Input() for name in ("light", "image", "area", "starts", "entries")}
     outputs = {"splat": Output()}
 
 
@@ -75,7 +62,7 @@ class LatticeSplatBent(Pass):
     """The same alone and times the normal's coordinates."""
 
     shader = "passes/lattice_splat_bent.frag"
-    inputs = {"source": Input(), "normal": Input(), "starts": Input(), "entries": Input()}
+    inputs = {name: Input() for name in ("light", "facing", "image", "area", "normal", "starts", "entries")}
     outputs = {"one": Output(), "x": Output(), "y": Output(), "z": Output()}
 
 
@@ -125,10 +112,10 @@ class GradientValues(Values):
 
 
 class LatticeGradient(Pass):
-    """Averages (x) and their gradients (yzw) per half lattice constant, one texture per channel."""
+    """Averages (x, negative for none) and gradients (yzw) per half lattice constant, a texture per channel."""
 
     shader = "passes/lattice_gradient.frag"
-    inputs = {"image": Input(), "along": Input(), "against": Input()}
+    inputs = {"image": Input(), "links": Input()}
     outputs = {"red": Output(), "green": Output(), "blue": Output()}
 
 
@@ -140,22 +127,14 @@ class SliceValues(Values):
     ----------
     weight : of this Gaussian in the sum, per channel
     share : its part of the sum's alpha
+    half_spacing : half a lattice constant, mm
+    nodes : how many have links
     """
 
     weight: Vec3
     share: float
-
-
-class LatticeSlice(Pass):
-    """The weighted sum of Gaussians at each texel (rgb); a is 1 where a texel has a surface."""
-
-    shader = "passes/lattice_slice.frag"
-    additive = True
-    inputs = {
-        **{name: Input() for name in ("slices", "normal", "red", "green", "blue")},
-        **{name: Input() for name in ("one", "x", "y", "z")},
-    }
-    outputs = {"sliced": Output()}
+    half_spacing: float
+    nodes: int
 
 
 @dataclass(frozen=True)
@@ -174,8 +153,33 @@ class Term:
     weight: tuple[float, float, float]
 
 
+class LatticeSlice(Tiled):
+    """The weighted sum of Gaussians at each texel (rgb); a is 1 where light reaches all corners of its tetrahedra."""
+
+    shader = "passes/lattice_slice.frag"
+    additive = True
+    inputs = {
+        **{name: Input() for name in ("seen", "slices", "links", "position", "normal", "red", "green", "blue")},
+        **{name: Input() for name in ("one", "x", "y", "z")},
+    }
+    outputs = {"sliced": Output()}
+
+    def __init__(self, *arguments: Any, terms: Sequence[Term], **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        #: of which the draws are made, for the twin
+        self.terms = tuple(terms)
+
+
 def lattice_nodes(
-    name: str, size: tuple[int, int], image: Source, normal: Source, area: Source, terms: Sequence[Term]
+    name: str,
+    size: tuple[int, int],
+    image: Source,
+    position: Source,
+    normal: Source,
+    area: Source,
+    blocks: Pass,
+    seen: Source,
+    terms: Sequence[Term],
 ) -> list[Node]:
     """Return the nodes of a sum of Gaussians; the last, `name`, has the output `sliced`.
 
@@ -183,31 +187,36 @@ def lattice_nodes(
     ----------
     size : of the atlas
     image : irradiance (rgb) in the atlas
+    position : of the surface (xyz, mm) in the atlas
     normal : of the surface without bumps (xyz) in the atlas
     area : mm² of each texel (r), 0 where it gives nothing
+    blocks : a WindowSource of as many texels as the tables say
+    seen : see skincli.passes.seen
     terms : one with weights of 1 returns a single Gaussian
     """
-    source = LatticeSource(f"{name}_source", size, [Draw(SourceValues())], {"image": image, "area": area})
-    nodes: list[Node] = [source]
+    nodes: list[Node] = []
     draws = []
-    gifts = {"source": Ref(source.name, "source")}
+    light, facing = (Ref(blocks.name, output) for output in ("light", "facing"))
+    gifts = {"light": light, "image": image, "area": area}
     for number, term in enumerate(terms):
         own, table = f"{name}_{number}", term.tables
         whole = _chain(f"{own}_whole", term, table.whole, LatticeSplat, LatticeBlur, gifts)
-        links = _loads(f"{own}_links", term, {"along": table.links[0], "against": table.links[1]})
-        inputs = {"image": Ref(whole[-1].name, "blurred"), **_images(links)}
+        loads = _loads(own, term, {"links": table.links, "slices": table.slices})
+        tables = _images(loads)
+        inputs = {"image": Ref(whole[-1].name, "blurred"), "links": tables["links"]}
         values = GradientValues(table.nodes)
         gradient = LatticeGradient(f"{own}_gradient", _extent(table.nodes), [Draw(values)], inputs, defines=DEFINES)
-        slices = _loads(own, term, {"slices": table.slices})
-        inputs = {**_results(gradient), **_images(slices)}
-        nodes += [*whole, *links.values(), gradient, *slices.values()]
-        if table.bent.level[-1]:
-            turned = {**gifts, "normal": normal}
+        nodes += [*whole, *loads.values(), gradient]
+        inputs = {**_results(gradient), **tables}
+        if table.bent.kept:
+            turned = {**gifts, "normal": normal, "facing": facing}
             bent = _chain(f"{own}_bent", term, table.bent, LatticeSplatBent, LatticeBlurBent, turned)
             inputs |= _results(bent[-1])
             nodes += bent
-        draws.append(Draw(SliceValues(term.weight, 1 / len(terms)), inputs))
-    return [*nodes, LatticeSlice(name, size, draws, {"normal": normal}, defines=DEFINES)]
+        share = SliceValues(term.weight, 1 / len(terms), table.spacing / 2, table.nodes)
+        draws.append(tiled(size, share, inputs))
+    shared = {"position": position, "normal": normal, "seen": seen}
+    return [*nodes, LatticeSlice(name, size, draws, shared, defines=(*DEFINES, *tile_defines(size)), terms=terms)]
 
 
 def _chain(
@@ -218,11 +227,12 @@ def _chain(
     loads = _loads(name, term, {"starts": chain.starts, "entries": chain.entries, **lines})
     tables = _images(loads)
     wired = {**inputs, "starts": tables["starts"], "entries": tables["entries"]}
-    draw = Draw(SplatValues(chain.level[0], term.tables.texel_bits))
-    last = splat(f"{name}_splat", _extent(chain.level[0]), [draw], wired, defines=DEFINES)
+    draw = Draw(SplatValues(chain.nodes, term.tables.place_bits))
+    last = splat(f"{name}_splat", _extent(chain.nodes), [draw], wired, defines=DEFINES)
     nodes: list[Node] = [*loads.values(), last]
     weights = taps(term.tables.ratio, gradients=blur is LatticeBlur)
-    for k, count in enumerate(chain.level[1:]):
+    for k in range(4):
+        count = chain.kept if k == 3 else chain.nodes
         wired = dict(zip(blur.inputs, _results(last).values(), strict=False)) | {"lines": tables[f"lines{k}"]}
         draw = Draw(LatticeBlurValues(count, *weights))
         last = blur(f"{name}_blur{k}", _extent(count), [draw], wired, defines=DEFINES)
@@ -260,13 +270,18 @@ def _extent(count: int) -> tuple[int, int]:
 
 
 def twin(
-    terms: Sequence[Term], image: NDArray[np.float64], normal: NDArray[np.float64], area: NDArray[np.float64]
+    terms: Sequence[Term],
+    image: NDArray[np.float64],
+    position: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    area: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the weighted sum of Gaussians as the passes compute it.
 
     Parameters
     ----------
     image : (h, w, 3), top row first
+    position : (h, w, 3) mm
     normal : (h, w, 3) unit
     area : (h, w) mm²
 
@@ -274,67 +289,80 @@ def twin(
     -------
     (h, w, 4)
     """
-    source = source_twin(image, area)
+    # Tables count from the lowest row.
+    image, position, normal, area = image[::-1], position[::-1], normal[::-1], area[::-1]
+    source = np.concatenate([image * area[..., None], area[..., None]], axis=-1)
     total = np.zeros((*area.shape, 4))
     for term in terms:
         table = term.tables
-        whole = splat_twin(table.whole, table.texel_bits, source)
+        whole = splat_twin(table.whole, table, source)
+        bent = splat_twin(table.bent, table, source, normal)
         for k in range(4):
             whole = blur_twin(table.whole, k, taps(table.ratio), whole)
-        bent = splat_twin(table.bent, table.texel_bits, source, normal)
-        for k in range(4):
             bent = blur_twin(table.bent, k, taps(table.ratio, gradients=False), bent)
-        total += slice_twin(term, gradient_twin(table, whole), bent, normal) * [1, 1, 1, 1 / len(terms)]
-    return total
-
-
-def source_twin(image: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (h, w, 4) irradiance times area, and area; see twin."""
-    return np.concatenate([image * area[..., None], area[..., None]], axis=-1)
+        found = slice_twin(table, gradient_twin(table, whole), bent, position, normal)
+        total += found * [*term.weight, 1 / len(terms)]
+    return total[::-1]
 
 
 def splat_twin(
-    chain: Chain, texel_bits: int, source: NDArray[np.float64], normal: NDArray[np.float64] | None = None
+    chain: Chain, table: LatticeTables, source: NDArray[np.float64], normal: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """Return the (n, 4) sums at the nodes; with a normal (n, 16), alone and times its coordinates."""
-    starts = chain.starts.ravel()[: chain.level[0] + 1].astype(np.int64)
+    starts = chain.starts.ravel()[: 2 * chain.nodes + 1].astype(np.int64)
     words = as_words(chain.entries.ravel()[: starts[-1]]).astype(np.int64)
-    mask = (1 << texel_bits) - 1
-    column, row = words & mask, source.shape[0] - 1 - (words >> texel_bits & mask)
-    gifts = source[row, column] * (words >> 2 * texel_bits)[:, None]
+    mask = (1 << table.place_bits) - 1
+    column, row = words & mask, words >> table.place_bits & mask
+    slot = np.repeat(np.arange(2 * chain.nodes), np.diff(starts))
+    single = slot[:, None] % 2 == 1
+
+    def of_entries(texels: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+        low = np.minimum(row, blocks.shape[0] - 1), np.minimum(column, blocks.shape[1] - 1)
+        return np.where(single, texels[row, column], blocks[low])
+
+    light = _blocks(source, table.factor)
+    gifts = of_entries(source, light) * (words >> 2 * table.place_bits)[:, None]
     if normal is not None:
-        factors = np.concatenate([np.ones((len(words), 1)), normal[row, column]], axis=1)
+        area = light[..., 3:]
+        facing = _blocks(normal * source[..., 3:], table.factor) / np.where(area > 0, area, 1)
+        factors = np.concatenate([np.ones((len(words), 1)), of_entries(normal, facing)], axis=1)
         gifts = (factors[:, :, None] * gifts[:, None]).reshape(-1, 16)
-    node = np.repeat(np.arange(chain.level[0]), np.diff(starts))
-    return np.stack([np.bincount(node, column, chain.level[0]) for column in gifts.T], axis=1)
+    return np.stack([np.bincount(slot // 2, column, chain.nodes) for column in gifts.T], axis=1)
+
+
+def _blocks(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+    """Return the sums over blocks of texels, lowest row first."""
+    height, width, channels = image.shape
+    rows, columns = -(-height // factor), -(-width // factor)
+    padded = np.pad(image, ((0, rows * factor - height), (0, columns * factor - width), (0, 0)))
+    return np.asarray(padded.reshape(rows, factor, columns, factor, channels).sum(axis=(1, 3)))
 
 
 def blur_twin(
     chain: Chain, direction: int, weights: tuple[float, float, float], sums: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the (m, c) sums after one direction, from the (n, c) before it."""
-    words = as_words(chain.lines[direction].ravel()[: chain.level[direction + 1]]).astype(np.int64)
+    count = chain.kept if direction == 3 else chain.nodes
+    words = as_words(chain.lines[direction].ravel()[:count]).astype(np.int64)
     place = words & ((1 << LINE_BITS) - 1)
     exists = words[:, None] >> LINE_BITS + np.arange(5) & 1
     middle, near, far = weights
-    total = np.zeros((len(words), sums.shape[1]))
-    # Nodes that exist follow each other without gaps.
-    index = place[:, None] + np.cumsum(exists, axis=1) - exists - exists[:, :2].sum(axis=1, keepdims=True)
+    total = np.zeros((count, sums.shape[1]))
     for k, weight in enumerate((far, near, middle, near, far)):
-        total += weight * exists[:, k : k + 1] * sums[np.clip(index[:, k], 0, len(sums) - 1)]
+        total += weight * exists[:, k : k + 1] * sums[np.clip(place + k - 2, 0, len(sums) - 1)]
     return total
 
 
 def gradient_twin(table: LatticeTables, sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n, 4, 3): averages of the channels and their change along x, y, z per half lattice constant."""
+    """Return (n, 4, 3): averages of the channels, -1 for none, and their change along x, y, z."""
     known = sums[:, 3:] > 0
     average = np.where(known, sums[:, :3] / np.where(known, sums[:, 3:], 1), 0)
     here = average[: table.nodes]
     result = np.zeros((table.nodes, 4, 3))
-    result[:, 0] = here
-    after, before = (array.reshape(-1, 4)[: table.nodes].astype(np.int64) for array in table.links)
+    result[:, 0] = np.where(known[: table.nodes], here, -1)
+    links = table.links.reshape(-1, 8)[: table.nodes].astype(np.int64)
     for k, direction in enumerate(DIRECTIONS):
-        ahead, behind = after[:, k], before[:, k]
+        ahead, behind = links[:, k], links[:, 4 + k]
         forward = (average[ahead] - here) * known[ahead] * (2 - known[behind])
         backward = (here - average[behind]) * known[behind] * (2 - known[ahead])
         result[:, 1:] += (forward + backward)[:, None] * direction[:, None] / 8
@@ -342,24 +370,44 @@ def gradient_twin(table: LatticeTables, sums: NDArray[np.float64]) -> NDArray[np
 
 
 def slice_twin(
-    term: Term, averages: NDArray[np.float64], bent: NDArray[np.float64], normal: NDArray[np.float64]
+    table: LatticeTables,
+    averages: NDArray[np.float64],
+    bent: NDArray[np.float64],
+    position: NDArray[np.float64],
+    normal: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return (h, w, 4): one weighted Gaussian, and 1 where a texel has a surface."""
-    slices = term.tables.slices
-    rows, columns = np.nonzero(slices[..., 0])
-    words = as_words(slices[rows, columns]).astype(np.int64)
-    node, digits = words & ((1 << NODE_BITS) - 1), words >> NODE_BITS
-    code = digits[:, 0]
-    offset, weights = unpacked_place(code % BENT, digits[:, 1:] / PLACE_STEPS)
-    turned = code >= BENT
-    N = normal[::-1][rows, columns]
-    straight = averages[node[~turned]]
-    change = np.einsum("nkd,nkdc->nkc", offset[~turned], straight[:, :, 1:])
-    found = np.zeros((len(words), 3))
-    found[~turned] = np.einsum("nk,nkc->nc", weights[~turned], straight[:, :, 0] + 0.5 * change)
-    factors = np.concatenate([np.ones((turned.sum(), 1)), N[turned]], axis=1)
-    sums = np.einsum("nf,nk,nkfc->nc", factors, weights[turned], bent.reshape(-1, 4, 4)[node[turned]])
-    found[turned] = sums[:, :3] / sums[:, 3:]
-    result = np.zeros((*slices.shape[:2], 4))
-    result[rows, columns] = np.concatenate([found * term.weight, np.ones((len(words), 1))], axis=1)
-    return result[::-1]
+    """Return (h, w, 4): one Gaussian, and the share of it that is known."""
+    rows, columns = np.nonzero(table.slices[..., 0])
+    words = as_words(table.slices[rows, columns, 0]).astype(np.int64)
+    own, turned = words & ((1 << NODE_BITS) - 1), words & BENT > 0
+    at = position[rows, columns] / (table.spacing / 2)
+    parity = words[:, None] >> NODE_BITS + np.arange(3) & 1
+    offset = np.clip(at - 2 * (2 * np.floor((at / 2 - parity) / 2 + 0.5) + parity), -1, 1)
+    sign = np.where(offset < 0, -1.0, 1.0)
+    order = np.argsort(-np.abs(offset), axis=1, kind="stable")
+    weights = tetrahedron_weights(np.take_along_axis(np.abs(offset), order, axis=1))
+    longest, shortest = (2 * sign * (np.arange(3) == order[:, k : k + 1]) for k in (0, 2))
+    links = table.links.reshape(-1, 8)
+
+    def beside(node: NDArray[np.int64], step: NDArray[np.float64]) -> NDArray[np.int64]:
+        k = (step[:, 1] * step[:, 0] < 0) + 2 * (step[:, 2] * step[:, 0] < 0) + 4 * (step[:, 0] < 0)
+        return np.where(node < table.nodes, links[np.minimum(node, table.nodes - 1), k], node).astype(np.int64)
+
+    across = beside(own, sign)
+    node = np.stack([own, beside(across, longest - sign), across, beside(own, sign - shortest)], axis=1)
+    away = np.stack([offset, offset - longest, offset - sign, offset - sign + shortest], axis=1)
+    found = np.zeros((len(words), 4))
+    straight = averages[np.minimum(node[~turned], table.nodes - 1)]
+    share = weights[~turned] * (straight[:, :, 0, 0] >= 0)
+    change = np.einsum("nkd,nkdc->nkc", away[~turned], straight[:, :, 1:])
+    found[~turned, :3] = np.einsum("nk,nkc->nc", share, straight[:, :, 0] + 0.5 * change)
+    found[~turned, 3] = share.sum(axis=1)
+    factors = np.concatenate([np.ones((turned.sum(), 1)), normal[rows, columns][turned]], axis=1)
+    held = np.append(bent, np.zeros((1, 16)), axis=0).reshape(-1, 4, 4)[np.minimum(node[turned], len(bent))]
+    sums = np.einsum("nf,nk,nkfc->nc", factors, weights[turned], held)
+    known = sums[:, 3:] > 0
+    found[turned] = np.where(known, np.append(sums[:, :3], known, axis=1) / np.where(known, sums[:, 3:], 1), 0)
+    found[turned, 3] = known[:, 0]
+    result = np.zeros((*position.shape[:2], 4))
+    result[rows, columns] = found
+    return result

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
 from skincli.graph.node import Draw, Input, Output, Pass, Ref, Source
+from skincli.passes.seen import Tiled, tile_defines, tiled
 
 #: standard deviations that a Gaussian needs to have in samples, and that a window spans on each side
 LEAST_SAMPLES, KEPT_SIGMAS = 1.5, 2.5
@@ -26,11 +27,15 @@ class WindowSourceValues(Values):
 
 
 class WindowSource(Pass):
-    """Blocks of texels: irradiance times area (rgb, a = mm²), and mean position (mm)."""
+    """Blocks of texels: irradiance times area (rgb, a = mm²), mean position (mm) and mean normal."""
 
     shader = "passes/window_source.frag"
-    inputs = {"image": Input(), "area": Input(), "position": Input()}
-    outputs = {"light": Output(), "place": Output(needs=("area", "position"))}
+    inputs = {"image": Input(), "area": Input(), "position": Input(), "normal": Input()}
+    outputs = {
+        "light": Output(needs=("image", "area")),
+        "place": Output(needs=("area", "position")),
+        "facing": Output(needs=("area", "normal")),
+    }
 
 
 @dataclass(frozen=True)
@@ -49,35 +54,55 @@ class WindowValues(Values):
     falloff: float
 
 
-class Window(Pass):
+class Window(Tiled):
     """The average about each texel (rgb); a is 1 where there is any."""
 
     shader = "passes/window.frag"
-    inputs = {"light": Input("bordered"), "place": Input("bordered"), "position": Input()}
+    inputs = {"seen": Input(), "light": Input("bordered"), "place": Input("bordered"), "position": Input()}
     outputs = {"windowed": Output()}
 
 
-def window_nodes(
-    name: str, size: tuple[int, int], image: Source, area: Source, position: Source, sigma: float, texel: float
-) -> list[Pass]:
-    """Return the nodes of one Gaussian; the last, `name`, has the output `windowed`.
+def block_node(
+    size: tuple[int, int], image: Source, area: Source, position: Source, normal: Source, factor: int
+) -> WindowSource:
+    """Return the node that sums blocks.
 
     Parameters
     ----------
-    image, area, position : in the atlas: irradiance, mm² of each texel, mm with the slot
+    image, area, position, normal : in the atlas: irradiance, mm² of each texel, mm with the slot, unit
+    factor : texels along the side of a block
+    """
+    blocks = (-(-size[0] // factor), -(-size[1] // factor))
+    inputs = {"image": image, "area": area, "position": position, "normal": normal}
+    return WindowSource(f"blocks_{factor}", blocks, [Draw(WindowSourceValues(factor))], inputs)
+
+
+def window_factor(sigma: float, texel: float) -> int:
+    """Return the texels along the side of the blocks of which a window is made; both in mm."""
+    return max(1, int(sigma / (LEAST_SAMPLES * texel)))
+
+
+def window_node(
+    name: str, size: tuple[int, int], blocks: WindowSource, position: Source, seen: Source, sigma: float, texel: float
+) -> Window:
+    """Return the node of one Gaussian; its output is `windowed`.
+
+    Parameters
+    ----------
+    blocks : of as many texels as `window_factor` says
+    position : in the atlas, mm with the slot
+    seen : see skincli.passes.seen
     sigma : mm; of at least LEAST_SAMPLES texels
     texel : mean width of a texel, mm
     """
-    factor = max(1, int(sigma / (LEAST_SAMPLES * texel)))
+    factor = window_factor(sigma, texel)
     # A block of texels is a blur by itself.
     variance = sigma**2 - (factor**2 - 1) / 12 * texel**2
     radius = math.ceil(KEPT_SIGMAS * sigma / (factor * texel))
-    blocks = (-(-size[0] // factor), -(-size[1] // factor))
-    inputs = {"image": image, "area": area, "position": position}
-    source = WindowSource(f"{name}_source", blocks, [Draw(WindowSourceValues(factor))], inputs)
-    inputs = {"light": Ref(source.name, "light"), "place": Ref(source.name, "place"), "position": position}
+    light, place = (Ref(blocks.name, output) for output in ("light", "place"))
+    inputs = {"light": light, "place": place, "position": position, "seen": seen}
     values = WindowValues(factor, radius, math.log2(math.e) / (2 * variance))
-    return [source, Window(name, size, [Draw(values)], inputs)]
+    return Window(name, size, [tiled(size, values)], inputs, defines=tile_defines(size))
 
 
 def twin(

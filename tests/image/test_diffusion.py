@@ -16,9 +16,10 @@ from skincli import metrics
 from skincli.bench.scene import load, ring
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph
-from skincli.graph.node import Draw, Load, Ref
+from skincli.graph.node import ONE, Load, Ref, Source
 from skincli.mesh.model import Mesh
 from skincli.passes import window
+from skincli.passes.seen import Seen, tile_defines, tiled
 from skincli.passes.window import Window, WindowValues
 from skincli.pipeline import DIFFUSED, OUTPUTS, Pipeline
 from skincli.reference.texels import diffuse_texels
@@ -169,10 +170,28 @@ def test_only_what_shows_diffused_light_diffuses_it(render: Callable[..., dict[s
     made = Pipeline(load(tmp_path, SCENE, "outputs=[depth]"), mesh())
     others = [name for name in OUTPUTS if name not in DIFFUSED]
     made.run(others)
-    assert not made.terms
+    assert not any(name.startswith("diffused_0") for name in made.graph.nodes)
     assert {report.state for report in made.reports if report.name == "diffused"} == {"skipped"}
     found = made.run(["diffused", *others])["diffused"]
     np.testing.assert_array_equal(found, render("lattice")["diffused"].astype(np.float32))
+
+
+@pytest.mark.parametrize("side", [120, 101])
+@pytest.mark.parametrize("method", ["lattice", "sum_of_gaussians"])
+def test_only_what_the_picture_reads_is_diffused(tmp_path: Path, method: str, side: int) -> None:
+    """Bit by bit the same picture, of an atlas that is not whole; an odd one has tiles of one texel."""
+    text = load(tmp_path, SCENE, f"render.diffusion.method={method}", f"render.atlas={side}", "outputs=[beauty]")
+    part, whole = Pipeline(text, mesh()), Pipeline(text, mesh(), skip=False)
+    seen, wanted = (made.run(["beauty"])["beauty"] for made in (part, whole))
+    np.testing.assert_array_equal(seen, wanted)
+    assert seen.max() > 0.1
+    ref = Ref("diffused", "blurred")
+    few, all_ = (np.count_nonzero(read_back(made.graph.run([ref])[ref])[..., 3]) for made in (part, whole))
+    assert few < 0.95 * all_
+    assert [type(node) for node in part.graph.nodes.values()].count(Seen) == 1
+    # Who asks for the atlas gets all of it.
+    seen, wanted = (made.run(["diffused"])["diffused"] for made in (part, whole))
+    np.testing.assert_array_equal(seen, wanted)
 
 
 LAYOUTS: Mapping[str, Callable[[Array], Array]] = {
@@ -223,7 +242,8 @@ def test_window_matches_its_twin(ctx: object, factor: int) -> None:
     inputs = {name: array.astype(np.float32).astype(np.float64) for name, array in inputs.items()}
     values = WindowValues(factor, 4, 0.5)
     loads = [Load(name, f"{name}{factor}", functools.partial(list, [array])) for name, array in inputs.items()]
-    node = Window("window", (side, side), [Draw(values)], {name: Ref(name, "image") for name in inputs})
+    wired: dict[str, Source] = {**{name: Ref(name, "image") for name in inputs}, "seen": ONE}
+    node = Window("window", (side, side), [tiled((side, side), values)], wired, defines=tile_defines((side, side)))
     ref = Ref("window", "windowed")
     found = read_back(FrameGraph([*loads, node]).run([ref])[ref])
     np.testing.assert_allclose(found, window.twin(values, **inputs), atol=2e-6)

@@ -1,0 +1,63 @@
+"""Which tiles of the atlas the picture reads, so that no others need be computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from skincli.gpu.blocks import Values, Vec2
+from skincli.graph.node import Draw, Input, Output, Pass, Source
+
+#: texels along the side of a tile, where that divides the atlas
+MOST = 8
+
+
+@dataclass(frozen=True)
+class SeenValues(Values):
+    """Texels along the sides of the atlas."""
+
+    atlas: Vec2
+
+
+class Seen(Pass):
+    """1 at the tiles of the atlas of which a bilinear read of the picture meets a texel."""
+
+    shader = "passes/seen.frag"
+    vertex = "passes/seen.vert"
+    inputs = {"depth": Input(), "uv": Input()}
+    outputs = {"seen": Output("r32f")}
+
+
+def seen_node(atlas: tuple[int, int], size: tuple[int, int], depth: Source, uv: Source) -> Seen:
+    """Return the node.
+
+    Parameters
+    ----------
+    atlas, size : of the atlas and of the picture
+    depth, uv : of the picture: above 0 where there is a surface; where it reads the atlas (zw)
+    """
+    draw = Draw(SeenValues((float(atlas[0]), float(atlas[1]))), points=size[0] * size[1])
+    return Seen("seen", _tiles(atlas), [draw], {"depth": depth, "uv": uv}, defines=tile_defines(atlas))
+
+
+class Tiled(Pass):
+    """A pass over those tiles of its target that its input `seen` names."""
+
+    vertex = "lib/tiles.vert"
+
+
+def tiled(size: tuple[int, int], values: Values, inputs: Mapping[str, Source] | None = None) -> Draw:
+    """Return a draw of such a pass into a target of a size."""
+    return Draw(values, inputs or {}, points=math.prod(_tiles(size)))
+
+
+def tile_defines(size: tuple[int, int]) -> tuple[tuple[str, str], ...]:
+    """Return what the shaders of such a pass need to know."""
+    columns, rows = _tiles(size)
+    return ("TILE", str(math.gcd(MOST, *size))), ("TILES", f"ivec2({columns}, {rows})")
+
+
+def _tiles(size: tuple[int, int]) -> tuple[int, int]:
+    side = math.gcd(MOST, *size)
+    return size[0] // side, size[1] // side
