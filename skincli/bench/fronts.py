@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli import metrics
-from skincli.bench.exact import SeenTexels
-from skincli.bench.timing import Spread, turned
+from skincli.bench.timing import MEMO, Spread, free, turned
 from skincli.errors import DeviceError, LimitError, SkincliError, UsageError
 from skincli.gpu.textures import read_back
 from skincli.graph.node import Pass, Ref
@@ -26,6 +25,7 @@ from skincli.passes.camera import camera_position
 from skincli.passes.irradiance import IrradianceValues
 from skincli.passes.occlusion_band import BandValues, sample_set
 from skincli.pipeline import Pipeline, frame_camera, load_scene_mesh
+from skincli.reference.texels import SeenTexels
 from skincli.scene.model import ATLAS_OF_QUALITY, SUPERSAMPLE_OF_QUALITY, TERMS_OF_QUALITY, DiffusionMethod, Quality
 from skincli.scene.paths import LoadedScene
 
@@ -283,7 +283,7 @@ class Sweep:
         self.make = make
         self.full = full
         self.mesh: Mesh = load_scene_mesh(make())
-        self.store = Store()
+        self.store = Store(MEMO)
         self._numbers = itertools.count(1)
         self._paper: Pipeline | None = None
         self._paper_ms: list[float] = []
@@ -299,11 +299,13 @@ class Sweep:
         """Time another frame of `shading: paper --no-skip`."""
         if self._paper is None:
             loaded = self.make("render.diffusion={}", "render.shading=paper")
-            self._paper = Pipeline(loaded, self.mesh, Store(), skip=False)
-            self._paper.run(["beauty"])
+            self._paper = Pipeline(loaded, self.mesh, Store(MEMO), skip=False)
+        # A frame that is not timed fetches the memory anew.
+        self._paper.run(["beauty"])
         start = time.perf_counter()
         self._paper.run(["beauty"])
         self._paper_ms.append((time.perf_counter() - start) * 1000)
+        self._paper.graph.store.clear()
 
     def times(self, pipeline: Pipeline, lights: bool = True) -> Spread:
         """Return the times of whole frames, read-back included, after lights (if they are to) and camera have moved."""
@@ -367,6 +369,7 @@ class Sweep:
         points = grid(self.full)
         finest = max(int(settings["atlas"]) for _, settings in points)
         reference = Reference(self, finest)
+        free(self.store)
         size = self.make().scene.render.size
         found = Found(
             {
@@ -380,15 +383,22 @@ class Sweep:
         )
         found.shown["exact"] = Shown(reference.display, np.zeros(reference.mask.shape, dtype=np.float32))
         pictures, stages = [], []
+        side = 0
         for number, (method, settings) in enumerate(sorted(points, key=lambda point: (point[1]["atlas"], point[0]))):
             # Spread over the sweep, since what else the machine does changes.
             if number % max(1, len(points) // ROUNDS) == 0:
                 self.time_paper()
+            if settings["atlas"] != side:
+                # Points of one atlas share what its textures hold.
+                side = int(settings["atlas"])
+                free(self.store)
             picture, stage, shown = self._measure(reference, method, settings)
             pictures.append(picture)
             stages += [stage] if stage is not None else []
             found.shown[picture.name] = shown
+        free(self.store)
         found.points = [*marked(pictures), *marked(stages), *self._supersampling()]
+        free(self.store)
         found.notes["picture"] = (
             f"the frame when lights and camera move, against {found.scene['reference']}, all at one sample a pixel; "
             f"an atlas of {finest} has no sampling error to be seen, since the reference has it too"
@@ -409,9 +419,7 @@ class Sweep:
         pictures = [point for point in found.points if point.stage == "picture"]
         found.levels = levels_of_quality(pictures)
         # What follows is rendered anew, and needs the memory.
-        self.store.clear()
-        if self._paper is not None:
-            self._paper.graph.store.clear()
+        free(self.store)
         if max_error is not None:
             found.chosen = self._verified(reference, cheapest(pictures, max_error), max_error)
         return found
@@ -430,10 +438,10 @@ class Sweep:
 
     def _verified(self, reference: Reference, point: Point, max_error: float) -> dict[str, Any]:
         """Render a point anew, without what is remembered, and hold it against the reference and the clock again."""
-        pipeline = self.pipeline(*_sets(point.method, point.settings), store=Store())
+        pipeline = self.pipeline(*_sets(point.method, point.settings), store=Store(MEMO))
         _, errors = reference.errors(pipeline)
         ms = self.times(pipeline)
-        pipeline.graph.store.clear()
+        free(pipeline.graph.store)
         if not errors.relative_rmse <= max_error:
             raise SkincliError(
                 f"--max-error {max_error:g}: {point.name} had a relative RMSE of {point.errors.relative_rmse:.3g}, but "

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from skincli import presets
-from skincli.bench.timing import Spread
+from skincli.bench.timing import Spread, free
 from skincli.graph.frame_graph import FrameGraph
 from skincli.graph.node import Ref
 from skincli.layers.base import Layer, Pattern, site
@@ -22,9 +22,9 @@ from skincli.scene.paths import load_skin
 from skincli.scene.skin import Skin
 
 #: texels a side: of a single layer, of a preset, and of the small square whose twin is timed
-LAYER_SIDE, PRESET_SIDE, TWIN_SIDE = 1024, 2048, 96
+LAYER_SIDE, PRESET_SIDE, TWIN_SIDE = 1024, 1024, 96
 
-#: rounds behind every median
+#: rounds behind every median, unless fewer are asked for
 ROUNDS = 3
 
 #: maps of which a preset is timed: those that are written unless others are asked for
@@ -68,15 +68,19 @@ def time_layers() -> list[dict[str, Any]]:
             }
         )  # fmt: skip
         skin = Skin(skin=1, size=LAYER_SIDE, layers=()).model_copy(update={"layers": (alone,)})
-        times = _maps_ms(skin, ("height",))
+        times = _maps_ms(skin, ("height",), ROUNDS)
         per_megatexel = Spread.of([ms / (LAYER_SIDE**2 / 1e6) for ms in times])
         ratio = _twin_ms(skin) / TWIN_SIDE**2 / (per_megatexel.median / 1e6)
         rows.append({"layer": kind, "preset": preset, "ms_per_megatexel": asdict(per_megatexel), "twin_ratio": ratio})
     return rows
 
 
-def time_presets() -> list[dict[str, Any]]:
+def time_presets(rounds: int = ROUNDS) -> list[dict[str, Any]]:
     """Time every preset's maps, and beside each round the floor: the same targets written with a constant.
+
+    Parameters
+    ----------
+    rounds : behind every median
 
     Returns
     -------
@@ -87,7 +91,7 @@ def time_presets() -> list[dict[str, Any]]:
     rows = []
     for name in presets.names():
         skin = load_skin(name).skin.model_copy(update={"size": PRESET_SIDE})
-        times, floors = _maps_ms(skin, TARGETS), _maps_ms(floor, TARGETS)
+        times, floors = _maps_ms(skin, TARGETS, rounds), _maps_ms(floor, TARGETS, rounds)
         spread = Spread.of(times)
         rows.append(
             {
@@ -103,17 +107,17 @@ def time_presets() -> list[dict[str, Any]]:
     return rows
 
 
-def _maps_ms(skin: Skin, outputs: Sequence[str]) -> list[float]:
+def _maps_ms(skin: Skin, outputs: Sequence[str], rounds: int) -> list[float]:
     """Return the times of the fused draw of a skin's maps on a flat square, compiled and with its textures loaded."""
     made = skin_maps("skin", skin, MapSource.of_skin(skin), None, ())
     targets = [source for output in outputs if isinstance(source := made.maps[output], Ref)]
     graph = FrameGraph(made.nodes, skip=False)
     graph.run(targets)
     times = []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         graph.run(targets, timing=True)
         times += [report.ms for report in graph.reports if report.name == "skin_maps" and report.ms is not None]
-    graph.store.clear()
+    free(graph.store)
     return times
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from skincli import images
 from skincli.bench import html
+from skincli.bench import surfaces as diffusion
 from skincli.bench.fronts import STAGE_TITLES, Found, Shown
 from skincli.bench.generator import AIM
 from skincli.bench.stages import DEPTH_RMS, DEPTH_SHARE, FULL_TOLERANCE, StageError
@@ -30,6 +31,7 @@ def document(
     presets: Rows = (),
     stress: Sequence[Outcome] = (),
     sweep: Found | None = None,
+    surfaces: diffusion.Found | None = None,
 ) -> dict[str, Any]:
     """Return the JSON document; what was not measured is empty."""
     machine = report_document([])
@@ -44,6 +46,7 @@ def document(
         "presets": list(presets),
         "stress": [outcome.entry() for outcome in stress],
         "sweep": None if sweep is None else sweep.entry(),
+        "surfaces": None if surfaces is None else surfaces.entry(),
     }
 
 
@@ -83,11 +86,15 @@ def as_text(found: Mapping[str, Any]) -> str:
     if found["frames"]:
         parts += [_frames(found["frames"]), _nodes(found["nodes"])]
     if found["presets"]:
-        parts += [_presets(found["presets"]), _layers(found["layers"])]
+        parts.append(_presets(found["presets"]))
+    if found["layers"]:
+        parts.append(_layers(found["layers"]))
     if found["paper"]:
         parts.append(_paper(found["paper"]))
     if found["stress"]:
         parts.append(_stress(found["stress"]))
+    if found["surfaces"]:
+        parts += _surfaces(found["surfaces"])
     if found["sweep"]:
         parts += _sweep(found["sweep"])
     return "\n\n".join(parts)
@@ -304,6 +311,96 @@ def _levels(levels: Rows) -> str:
             )
         )
     return f"Quality levels, at one sample a pixel\n{table(rows, text=1)}"
+
+
+def _surfaces(found: Mapping[str, Any]) -> list[str]:
+    rows = [
+        (
+            "mesh",
+            "atlas_uv",
+            "light",
+            "kernel",
+            "filter",
+            "p99",
+            "maximum",
+            "seam",
+            "atlas",
+            "half",
+            "0.01 at",
+            "misses",
+        )
+    ]
+    for row in found["rows"]:
+        rows.append(
+            (
+                *(row[name] for name in ("mesh", "layout", "light", "kernel")),
+                *(f"{row[name]:.4f}" for name in ("filter", "p99")),
+                f"{row['maximum']:.3f}",
+                "" if row["seam"] is None else f"{row['seam']:.4f}",
+                *(f"{row[name]:.4f}" for name in ("sampling", "halved")),
+                "" if row["named"] is None else f"{row['named']}",
+                ", ".join(row["misses"]),
+            )
+        )
+    title = (
+        f"The diffusion by itself, at {found['points']} points spread evenly over each mesh\n"
+        "filter: relative RMSE of the passes against the exact sum over the same texels; p99, maximum: of that error,\n"
+        "as shares of the signal's RMS; seam: RMS of its difference across seams; atlas, half: relative RMSE of the\n"
+        "exact sum over the texels of this atlas, and of one of half the side, against that over the mesh itself;\n"
+        "0.01 at: texels a side at which that is 0.01, by its power law\n"
+        f"Aims: filter {diffusion.FILTER_AIM:g} (never above {diffusion.FILTER_LIMIT:g}), p99 {diffusion.P99_AIM:g}, "
+        f"atlas {diffusion.SAMPLING_AIM:g}"
+    )
+    parts = [f"{title}\n{table(rows, text=4)}"]
+    rows = [
+        (
+            "mesh",
+            "atlas_uv",
+            "triangles",
+            "texels",
+            "mm",
+            "constant",
+            "MB",
+            "build s",
+            "frame ms",
+            "seam steps",
+            "pixels",
+            "misses",
+        )
+    ]
+    for one in found["layouts"]:
+        steps = [f"{name} {step:.2f}" for name, step in one["steps"].items() if step is not None]
+        rows.append(
+            (
+                one["mesh"],
+                one["layout"],
+                f"{one['triangles']}",
+                f"{one['atlas']}",
+                f"{one['texel_mm']:.3f}",
+                f"{one['constant']:.1e}",
+                f"{one['table_mb']:.0f}",
+                f"{one['build_s']:.1f}",
+                _range(one["frame"]),
+                ", ".join(steps),
+                f"{one['seam_pixels']}",
+                ", ".join(one["misses"]),
+            )
+        )
+    title = (
+        f"Its cost for {diffusion.SINGLE} Gaussians, and its laws\n"
+        f"constant: greatest relative change of constant light, at most {diffusion.CONSTANT_LIMIT:g}; MB: tables, aim "
+        f"{diffusion.TABLE_MB_AIM:g}; build: aim {diffusion.BUILD_S_AIM:g}; frame: its nodes, aim "
+        f"{diffusion.FRAME_MS_AIM:g}; seam steps: between\npixels across a seam over those beside it, aim "
+        f"{diffusion.STEP_AIM:g}"
+    )
+    parts.append(f"{title}\n{table(rows, text=2)}")
+    changes = [("mesh", "changed", "FLIP", "")]
+    for picture in found["pictures"]:
+        holds = "ok" if picture["flip"] <= diffusion.FLIP_AIM else "misses"
+        changes.append((picture["mesh"], picture["changed"], f"{picture['flip']:.4f}", holds))
+    title = f"Pictures that ought to be alike: mean FLIP inside the silhouette, aim {diffusion.FLIP_AIM:g}"
+    parts.append(f"{title}\n{table(changes, text=2)}")
+    return parts
 
 
 def table(rows: Sequence[Sequence[str]], text: int) -> str:

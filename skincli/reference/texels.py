@@ -7,13 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skincli.mesh.texels import Texels
-from skincli.reference.surface_integral import CUTOFF, Samples, hierarchical
+from skincli.reference.surface_integral import Light, Samples
 
-#: what clusters of texels may change a kernel of height 1, see surface_integral.hierarchical
-TOLERANCE = 1e-4
+
+def samples_of(texels: Texels) -> Samples:
+    """Return the texels that give light as samples of the surface."""
+    gives = texels.areas > 0
+    return Samples(texels.positions[gives], texels.normals[gives], texels.areas[gives])
 
 
 def diffuse_texels(
@@ -36,18 +38,40 @@ def diffuse_texels(
     -------
     (m, 3) float64, at the receiving texels
     """
-    gives = texels.areas > 0
-    samples = Samples(texels.positions[gives], texels.normals[gives], texels.areas[gives])
+    light = Light(samples_of(texels), signal[texels.areas > 0])
     targets, normals = texels.positions[receiving], texels.normals[receiving]
-    # Light whose Gaussian reaches no other texel stays where it is.
-    others = cKDTree(samples.positions).query(targets, k=2)[0][:, 1]
     result = np.zeros((len(targets), 3))
     for variance, share in zip(variances, weights, strict=True):
-        sigma = math.sqrt(variance)
-        part = signal[receiving]
-        near = others < CUTOFF * sigma
-        if near.any():
-            found = hierarchical(samples, signal[gives], targets[near], normals[near], sigma, tolerance=TOLERANCE)
-            part[near] = found.values
-        result += np.asarray(share) * part
+        result += np.asarray(share) * light.diffused(targets, normals, math.sqrt(variance))
     return result
+
+
+class SeenTexels:
+    """The same at the texels that some pixels read; the others stay dark.
+
+    Parameters
+    ----------
+    atlas_uv : (n, 2) where the pixels read the atlas, v upwards
+    size : texels a side of the atlas
+    """
+
+    def __init__(self, atlas_uv: NDArray[np.float64], size: int) -> None:
+        low = np.floor(atlas_uv * size - 0.5).astype(np.int64)
+        corners = [np.clip(low + step, 0, size - 1) for step in ((0, 0), (1, 0), (0, 1), (1, 1))]
+        self.read = np.zeros(size * size, dtype=bool)
+        for corner in corners:
+            self.read[corner[:, 1] * size + corner[:, 0]] = True
+
+    def __call__(
+        self,
+        texels: Texels,
+        signal: NDArray[np.float64],
+        receiving: NDArray[np.bool_],
+        variances: Sequence[float],
+        weights: Sequence[Sequence[float]],
+    ) -> NDArray[np.float64]:
+        """Return (m, 3), see `diffuse_texels`."""
+        seen = self.read[texels.index[receiving]]
+        result = np.zeros((len(seen), 3))
+        result[seen] = diffuse_texels(texels, signal, receiving & self.read[texels.index], variances, weights)
+        return result

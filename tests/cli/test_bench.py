@@ -101,14 +101,33 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     monkeypatch.setattr(timing, "PAPER_SCENE", timing.PAPER_SCENE.replace("octopus", plain))
     for name in ("ROUNDS", "PAPER_ROUNDS"):
-        monkeypatch.setattr(timing, name, 2)
+        monkeypatch.setattr(timing, name, 1)
     monkeypatch.setattr(fronts, "load_scene_mesh", load_scene_mesh)
     monkeypatch.setattr(fronts, "grid", lambda _: [("none", {"atlas": 64})])
     monkeypatch.setattr(fronts, "ATLAS_OF_QUALITY", {"draft": 64, "standard": 128, "high": 256})
     for stage in ("_occlusion", "_supersampling"):
         monkeypatch.setattr(fronts.Sweep, stage, lambda _: [])
+    monkeypatch.setattr(stages, "STAGE_SCENE", stages.STAGE_SCENE.replace("[320, 240]", "[160, 120]"))
+    monkeypatch.setattr(generator, "time_presets", lambda _: [])
+
+
+@pytest.mark.usefixtures("ctx")
+def test_the_generator_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, side in (("LAYER_SIDE", 16), ("PRESET_SIDE", 32), ("TWIN_SIDE", 8)):
         monkeypatch.setattr(generator, name, side)
+    monkeypatch.setattr(generator.presets, "names", lambda: ["alien"])
+    (preset,) = generator.time_presets(2)
+    assert (preset["preset"], preset["side"], preset["ms"]["count"]) == ("alien", 32, 2)
+    assert preset["ms_per_megatexel"] == pytest.approx(preset["ms"]["median"] / (32**2 / 1e6), rel=1e-3)
+    every = generator.shown_layers()
+    one = next(kind for kind, (_, layer) in sorted(every.items()) if kind == "worley")
+    monkeypatch.setattr(generator, "shown_layers", lambda: {one: every[one]})
+    (layer,) = generator.time_layers()
+    assert (layer["layer"], layer["preset"]) == (one, "alien")
+    assert layer["twin_ratio"] > 0
+    text = report.as_text(report.document(presets=[preset], layers=[layer]))
+    assert "Maps of the presets, 32 x 32 texels" in text
+    assert "Layers, each alone" in text
 
 
 @pytest.mark.usefixtures("ctx", "small")
@@ -122,11 +141,11 @@ def test_the_report_is_complete(tmp_path: Path) -> None:
     assert {stage["stage"] for stage in found["stages"]} == {stage.name for stage in STAGES.values()}
     assert all(stage["passed"] for stage in found["stages"])
     assert found["frames"]["cold_ms"] > 0
-    assert found["frames"]["warm"]["count"] == 2
+    assert found["frames"]["warm"]["count"] == 1
     nodes = {node["name"]: node for node in found["nodes"]}
     # The camera moved: what lies in the atlas stayed, what the camera sees did not.
-    assert nodes["diffused"]["warm"] is None
-    assert nodes["diffused"]["cold_ms"] > 0
+    assert nodes["irradiance"]["warm"] is None
+    assert nodes["irradiance"]["cold_ms"] > 0
     assert nodes["view"]["warm"]["low"] <= nodes["view"]["warm"]["median"] <= nodes["view"]["warm"]["high"]
     assert found["paper"] == []
     written = tmp_path / "made" / "here"
@@ -138,7 +157,9 @@ def test_the_report_is_complete(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("ctx", "small")
-def test_a_fault_ends_with_exit_code_1_and_names_the_stage(inject: Inject) -> None:
+def test_a_fault_ends_with_exit_code_1_and_names_the_stage(inject: Inject, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "time_scene", lambda: ({}, []))
+    monkeypatch.setattr(fronts.Sweep, "run", lambda *_: None)
     inject("passes/blur.frag", "k <= p.radius", "k < p.radius")
     done = CliRunner().invoke(root, ["bench"])
     assert done.exit_code == 1

@@ -98,7 +98,8 @@ def test_a_scene_is_swept_to_a_page_and_compared(scene: Path, tmp_path: Path) ->
 
 def test_an_error_that_no_point_holds_ends_with_exit_code_6(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fronts, "grid", lambda _: POINTS[:1])
-    monkeypatch.setattr(fronts.Sweep, "_occlusion", lambda _: [])
+    for stage in ("_occlusion", "_supersampling"):
+        monkeypatch.setattr(fronts.Sweep, stage, lambda _: [])
     done = CliRunner().invoke(root, ["bench", str(scene), "--max-error", "1e-9"])
     assert done.exit_code == 6
     assert "none of 1 points holds it" in done.stderr
@@ -106,7 +107,8 @@ def test_an_error_that_no_point_holds_ends_with_exit_code_6(scene: Path, monkeyp
 
 def test_a_pick_that_does_not_hold_again_ends_with_exit_code_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fronts, "grid", lambda _: POINTS[:1])
-    monkeypatch.setattr(fronts.Sweep, "_occlusion", lambda _: [])
+    for stage in ("_occlusion", "_supersampling"):
+        monkeypatch.setattr(fronts.Sweep, stage, lambda _: [])
     rendered, calls = fronts.Reference.errors, []
 
     def drifting(self: fronts.Reference, pipeline: fronts.Pipeline) -> tuple[fronts.Shown, fronts.Errors]:

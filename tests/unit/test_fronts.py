@@ -1,4 +1,4 @@
-"""The Pareto front, the picks from it, the quick exact diffusion, the comparison of two benches, and the page."""
+"""The Pareto front, the picks from it, the comparison of two benches, and the page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skincli.bench import compare, exact, html
+from skincli.bench import compare, html
 from skincli.bench.fronts import (
     STAGE_TITLES,
     Errors,
@@ -25,13 +25,9 @@ from skincli.bench.fronts import (
     marked,
     pareto,
 )
-from skincli.bench.scene import ring
 from skincli.bench.timing import Spread
 from skincli.errors import InputError, LimitError
-from skincli.mesh.texels import atlas_texels
-from skincli.reference.surface_integral import Samples
-from skincli.reference.surface_integral import exact as every_pair
-from skincli.scene.model import ATLAS_OF_QUALITY, TERMS_OF_QUALITY
+from skincli.scene.model import ATLAS_OF_QUALITY, TERMS_OF_QUALITY, Quality
 
 
 def point(ms: float, error: float, method: str = "lattice", **settings: int) -> Point:
@@ -103,45 +99,9 @@ def test_the_grid_has_every_point_once_and_the_levels(full: bool) -> None:
     assert len(set(names)) == len(names)
     assert "exact" not in {method for method, _ in points}
     swept = {(settings["atlas"], settings.get("terms")) for method, settings in points if method == "lattice"}
-    levels = ("draft", "standard", "high") if full else ("draft", "standard")
+    levels: tuple[Quality, ...] = ("draft", "standard", "high") if full else ("draft", "standard")
     for level in levels:
         assert (ATLAS_OF_QUALITY[level], TERMS_OF_QUALITY[level]) in swept
-
-
-# -- the exact diffusion ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("sigma", "allowed"), [(1e-3, 1e-12), (0.4, 1e-4), (1.5, 1e-4), (8.0, 6e-3), (25.0, 6e-3)])
-def test_the_quick_exact_diffusion_is_the_sum_over_all_pairs(sigma: float, allowed: float) -> None:
-    """Listed pairs, gathered groups and summed cells."""
-    texels = atlas_texels(ring(), 192, 1)
-    gives = texels.areas > 0
-    light = 1 + np.sin(0.2 * texels.positions) * [1.0, 0.5, 0.2]
-    light[texels.positions[:, 0] > 10] *= 0.1
-    wanted = gives & (np.arange(len(gives)) % 97 == 0)
-    found = exact.Light(texels, light).diffused(wanted, sigma)
-    samples = Samples(texels.positions[gives], texels.normals[gives], texels.areas[gives])
-    expected = every_pair(samples, light[gives], texels.positions[wanted], texels.normals[wanted], sigma).values
-    assert np.sqrt(np.mean((found - expected) ** 2)) <= allowed * np.sqrt(np.mean(expected**2))
-
-
-def test_a_texel_without_neighbors_within_reach_keeps_its_light() -> None:
-    texels = atlas_texels(ring(), 64, 1)
-    wanted = texels.areas > 0
-    light = np.random.default_rng(0).random((len(wanted), 3))
-    assert exact.Light(texels, light).diffused(wanted, 1e-6) == pytest.approx(light[wanted], abs=1e-12)
-
-
-def test_only_texels_that_pixels_read_are_computed() -> None:
-    texels = atlas_texels(ring(), 64, 1)
-    receiving = texels.areas > 0
-    at = np.stack([texels.index % 64, texels.index // 64], axis=1)[receiving][100:101]
-    seen = exact.SeenTexels((at + 0.5) / 64, 64)
-    found = seen(texels, np.ones((len(receiving), 3)), receiving, (4.0,), ((0.25, 0.5, 1.0),))
-    lit = np.flatnonzero(found.any(axis=1))
-    assert 100 in lit
-    assert len(lit) <= 4
-    assert found[100] == pytest.approx([0.25, 0.5, 1.0])
 
 
 # -- two benches -----------------------------------------------------------------------------------------------------
