@@ -305,6 +305,7 @@ def render(
     for number, tile in enumerate(tiles):
         traced = mi.load_dict(_description(mi, scene, mesh, camera, stuff, ior, tile))
         here = mask[tile.rows, tile.columns]
+        here = here if here.any() else covered[tile.rows, tile.columns] > 0
         found, spread, each = _traced(mi, traced, here, spp, max_error, seed + number * spp)
         mean[tile.rows, tile.columns], error[tile.rows, tile.columns] = found, spread
         paths += each * here.size
@@ -387,7 +388,8 @@ def _traced(
         mean += step / number
         squares += step * (picture - mean)
         error = np.sqrt(squares / (number * max(number - 1, 1)))
-        if number >= FEWEST_PASSES and _relative(error[mask], mean[mask]) <= max_error:
+        # Where no light has been found, some may yet be.
+        if number >= FEWEST_PASSES and mean[mask].any() and _relative(error[mask], mean[mask]) <= max_error:
             break
     return mean, error, number * each
 
