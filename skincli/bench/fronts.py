@@ -206,7 +206,8 @@ def grid(full: bool) -> list[tuple[str, Settings]]:
     standard = {"atlas": ATLAS_OF_QUALITY["standard"], "terms": TERMS_OF_QUALITY["standard"]}
     sizes: list[int] = [draft["atlas"] // 2, draft["atlas"]]
     counts: list[int] = [draft["terms"]]
-    rest: list[tuple[str, Settings]] = [("lattice", {**draft, "terms": terms}) for terms in (1, 2, standard["terms"])]
+    others = [terms for terms in range(1, standard["terms"] + 1) if terms != draft["terms"]]
+    rest: list[tuple[str, Settings]] = [("lattice", {**draft, "terms": terms}) for terms in others]
     rest.append(("lattice", standard))
     if full:
         sizes = sorted({*sizes, *ATLAS_OF_QUALITY.values()})

@@ -260,7 +260,7 @@ def _points(
         np.concatenate([_address(good, side, bits), _address(texel[alone], size, bits)]),
         len(good),
         of,
-        float(areas[own] @ away[own] / areas.sum()) / 2,
+        float(areas[own] @ away[own] / max(areas.sum(), 1e-300)) / 2,
     )
 
 

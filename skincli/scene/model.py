@@ -256,7 +256,7 @@ class Diffusion(Written):
         "picture; exact: float64 on the host, slow; left out: lattice, or paper for shading: paper",
     )
     terms: Annotated[int, Field(ge=1, le=6)] | None = Field(
-        default=None, description="Gaussians that stand for the profile, 1 to 6; left out: by quality 3, 4 or 6"
+        default=None, description="Gaussians that stand for the profile, 1 to 6; left out: by quality 2, 4 or 6"
     )
     albedo: Literal["after", "before", "split"] = Field(
         default="after",
@@ -275,7 +275,7 @@ Quality = Literal["draft", "standard", "high"]
 
 ATLAS_OF_QUALITY: dict[Quality, int] = {"draft": 1024, "standard": 2048, "high": 4096}
 SUPERSAMPLE_OF_QUALITY: dict[Quality, int] = {"draft": 1, "standard": 2, "high": 3}
-TERMS_OF_QUALITY: dict[Quality, int] = {"draft": 3, "standard": 4, "high": 6}
+TERMS_OF_QUALITY: dict[Quality, int] = {"draft": 2, "standard": 4, "high": 6}
 PAPER_ATLAS = 2500
 PAPER_SUPERSAMPLE = 1
 

@@ -139,7 +139,7 @@ def test_unknown_outputs() -> None:
     ("written", "method", "terms"),
     [
         ({}, "lattice", 4),
-        ({"quality": "draft"}, "lattice", 3),
+        ({"quality": "draft"}, "lattice", 2),
         ({"quality": "high", "diffusion": "none"}, "none", 6),
         ({"diffusion": {"method": "screen_space", "terms": 2}}, "screen_space", 2),
         ({"shading": "paper"}, "paper", 4),
