@@ -13,7 +13,7 @@ from skincli.layers.filtering import disk_of
 from skincli.layers.marks import along_surface, disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in radii of an open sac.
-FINEST = 0.12
+FINEST = 0.16
 #: How far the muscles pull the edge of an open sac out of round, as a share of its radius.
 PULL = 0.15
 #: Half the width of a sac's edge, as a share of its radius.

@@ -15,7 +15,7 @@ from skincli.layers.filtering import disk_of
 from skincli.layers.marks import along_surface, disk, find_marks
 
 #: How far apart the places may be in which a texel is looked at, in radii of a sucker.
-FINEST = 0.06
+FINEST = 0.14
 #: Radius and half the width of the edge of the outer rim, the cup and the hole, as shares of the sucker's radius.
 RIM, CUP, HOLE = (0.86, 0.14), (0.6, 0.1), (0.2, 0.07)
 #: Height of the floor of the cup, where the rim is 1.
