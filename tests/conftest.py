@@ -27,6 +27,24 @@ def _log_level() -> Iterator[None]:
     log.setLevel(level)
 
 
+@pytest.fixture
+def memory_is_freed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let go of what the frames of a test remember: textures outlive their Python objects."""
+    from skincli.graph.store import Store
+
+    made: list[Store] = []
+    genuine = Store.__init__
+
+    def remembered(store: Store, *arguments: Any, **options: Any) -> None:
+        genuine(store, *arguments, **options)
+        made.append(store)
+
+    monkeypatch.setattr(Store, "__init__", remembered)
+    yield
+    for store in made:
+        store.clear()
+
+
 @pytest.fixture(scope="session")
 def ctx() -> Any:
     """Return the process's context. Without OpenGL the test fails, in the words of `skincli doctor`."""

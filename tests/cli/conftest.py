@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from click.testing import CliRunner, Result
 
 from skincli import images
 from skincli.cli import root
-from skincli.graph.store import Store
 
 SCENE = """\
 scene: 1
@@ -56,16 +54,5 @@ def skincli() -> Callable[..., Result]:
 
 
 @pytest.fixture(autouse=True)
-def memory_is_freed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Let go of what the frames of a test remember: textures outlive their Python objects."""
-    made: list[Store] = []
-    genuine = Store.__init__
-
-    def remembered(store: Store, *arguments: Any, **options: Any) -> None:
-        genuine(store, *arguments, **options)
-        made.append(store)
-
-    monkeypatch.setattr(Store, "__init__", remembered)
-    yield
-    for store in made:
-        store.clear()
+def _memory(memory_is_freed: None) -> None:
+    """Every test here makes frames."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from skincli import images
-from skincli.graph.store import Store
 from skincli.mesh.model import Mesh
 from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
 from skincli.scene.paths import LoadedScene, load_scene
@@ -75,16 +73,5 @@ def pipeline(ctx: object, load: Callable[..., LoadedScene], mesh: Mesh) -> Calla
 
 
 @pytest.fixture(autouse=True)
-def memory_is_freed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Let go of what the frames of a test remember: textures outlive their Python objects."""
-    made: list[Store] = []
-    genuine = Store.__init__
-
-    def remembered(store: Store, *arguments: Any, **options: Any) -> None:
-        genuine(store, *arguments, **options)
-        made.append(store)
-
-    monkeypatch.setattr(Store, "__init__", remembered)
-    yield
-    for store in made:
-        store.clear()
+def _memory(memory_is_freed: None) -> None:
+    """Every test here makes frames."""
