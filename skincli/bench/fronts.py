@@ -527,7 +527,6 @@ class Reference:
 
     def __init__(self, sweep: Sweep, finest: int) -> None:
         self._sweep = sweep
-        self._finest = finest
         # What the camera sees depends on no method.
         plain = sweep.pipeline(*_sets("none", {"atlas": finest}))
         depth, uv = _read(plain, Ref("view", "depth"), Ref("view", "uv"))

@@ -33,11 +33,7 @@ class Freckles(Pattern):
 
     @model_validator(mode="after")
     def _fits(self) -> Freckles:
-        if self.radius > 0.5 * self.spacing:
-            raise ValueError(
-                f"radius is {self.radius:g} mm, more than half of spacing, {self.spacing:g} mm; "
-                "lower radius or raise spacing"
-            )
+        marks.require_room("radius", self.radius, self.spacing, 0.5)
         if self.cluster < 2 * self.spacing:
             raise ValueError(
                 f"cluster is {self.cluster:g} mm, less than twice the spacing, {self.spacing:g} mm; "

@@ -131,6 +131,25 @@ def find_marks(x: Array, normal: Array, extent: Array, period: int, jitter: floa
     return Marks(to - height[..., None] * normal[:, None], near, random)
 
 
+def require_room(name: str, size: float, spacing: float, share: float = 1.0) -> None:
+    """Refuse marks that are too large for the distance between them; all lengths in mm.
+
+    Parameters
+    ----------
+    name, size : of the setting
+    spacing : mean distance between marks
+    share : of the spacing that the setting may be at most, 1 or 0.5
+
+    Raises
+    ------
+    ValueError
+        If the setting is larger.
+    """
+    if size > share * spacing:
+        most = "half of spacing" if share < 1 else "spacing"
+        raise ValueError(f"{name} is {size:g} mm, more than {most}, {spacing:g} mm; lower {name} or raise spacing")
+
+
 def disk(normal: Array, radius: Array | float) -> Array:
     """Return the (n, 3) extent of marks that reach `radius`, (n,), along the surface."""
     return np.reshape(radius, (-1, 1)) * np.sqrt(np.maximum(1 - normal**2, 0)) + SHELL * np.abs(normal)

@@ -41,11 +41,7 @@ class Moles(Pattern):
 
     @model_validator(mode="after")
     def _fits(self) -> Moles:
-        if self.radius > 0.5 * self.spacing:
-            raise ValueError(
-                f"radius is {self.radius:g} mm, more than half of spacing, {self.spacing:g} mm; "
-                "lower radius or raise spacing"
-            )
+        marks.require_room("radius", self.radius, self.spacing, 0.5)
         return self
 
     def size(self) -> float:

@@ -43,11 +43,8 @@ class Pores(Pattern):
 
     @model_validator(mode="after")
     def _fits(self) -> Pores:
-        if self.radius is not None and self.radius > 0.5 * self.spacing:
-            raise ValueError(
-                f"radius is {self.radius:g} mm, more than half of spacing, {self.spacing:g} mm; "
-                "lower radius or raise spacing"
-            )
+        if self.radius is not None:
+            marks.require_room("radius", self.radius, self.spacing, 0.5)
         return self
 
     def size(self) -> float:

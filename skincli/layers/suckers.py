@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from skincli.layers import hashing
 from skincli.layers.base import Array, Ground, Pattern, Site, Unit, Value, joint_seed
 from skincli.layers.filtering import disk_of
-from skincli.layers.marks import along_surface, disk, find_marks
+from skincli.layers.marks import along_surface, disk, find_marks, require_room
 
 #: How far apart the places may be in which a texel is looked at, in radii of a sucker.
 FINEST = 0.14
@@ -51,11 +51,7 @@ class Suckers(Pattern):
 
     @model_validator(mode="after")
     def _fits(self) -> Suckers:
-        if self.diameter > self.spacing:
-            raise ValueError(
-                f"diameter is {self.diameter:g} mm, more than spacing, {self.spacing:g} mm; "
-                "lower diameter or raise spacing"
-            )
+        require_room("diameter", self.diameter, self.spacing)
         return self
 
     def finest(self) -> float:

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from skincli.layers import hashing
 from skincli.layers.base import Array, Ground, Pattern, Site, Value, joint_seed
-from skincli.layers.marks import disk, find_marks
+from skincli.layers.marks import disk, find_marks, require_room
 
 #: Share of the range of densities over which a wart grows from nothing to its full size.
 GROWTH = 0.5
@@ -38,11 +38,7 @@ class Warts(Pattern):
 
     @model_validator(mode="after")
     def _fits(self) -> Warts:
-        if self.diameter > self.spacing:
-            raise ValueError(
-                f"diameter is {self.diameter:g} mm, more than spacing, {self.spacing:g} mm; "
-                "lower diameter or raise spacing"
-            )
+        require_room("diameter", self.diameter, self.spacing)
         if self.clustering > 0 and self.cluster_size < 3 * self.spacing:
             raise ValueError(
                 f"cluster_size is {self.cluster_size:g} mm, less than three times the spacing, {self.spacing:g} mm; "
