@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,15 +19,15 @@ from skincli.color import srgb_decode
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
 from skincli.files import file_digest
 from skincli.gpu.blocks import Values
-from skincli.gpu.context import get_context
+from skincli.gpu.context import device_info, get_context
 from skincli.gpu.geometry import Geometry
 from skincli.gpu.textures import FORMATS, beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
-from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
+from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source, module_digest
 from skincli.graph.store import Store
 from skincli.layers.base import Texture
+from skincli.mesh import lattice, windows
 from skincli.mesh.bake import bake
-from skincli.mesh.lattice import LatticeTables, block_factor, pack, tables, unpack
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
 from skincli.mesh.surface import texel_size
@@ -56,7 +57,7 @@ from skincli.passes.specular import Specular, SpecularValues
 from skincli.passes.splat_diffusion import LEAST_SPACING, quads, spacing, splat_nodes, splat_values
 from skincli.passes.stretched_blur import chained
 from skincli.passes.view import View, ViewValues
-from skincli.passes.window import LEAST_SAMPLES, WindowSource, block_node, window_factor, window_node
+from skincli.passes.window import LEAST_SAMPLES, WindowSource, block_node, window_factor, window_nodes
 from skincli.scene.model import Camera, Light
 from skincli.scene.paths import LoadedScene, LoadedSkin
 from skincli.scene.skin import Optics, Skin, Surface
@@ -537,12 +538,14 @@ class Pipeline:
             for number, width in enumerate(widths):
                 name = f"diffused_{number}"
                 if width < LEAST_LATTICE:
-                    source = block(window_factor(width, self._texel))
-                    nodes.append(window_node(name, size, source, position, seen, width, self._texel))
+                    factor = window_factor(width, self._texel)
+                    key, table = self._tables(windows, width, factor, before)
+                    given = block(factor)
+                    nodes += window_nodes(name, size, given, position, normal, seen, width, self._texel, key, table)
                     terms.append(Ref(name, "windowed"))
                 else:
-                    factor = block_factor(width, self._texel)
-                    term = Term(*self._lattice(width, factor, before), (1.0, 1.0, 1.0))
+                    factor = lattice.block_factor(width, self._texel)
+                    term = Term(*self._tables(lattice, width, factor, before), (1.0, 1.0, 1.0))
                     given = block(factor)
                     nodes += lattice_nodes(name, size, image, position, normal, metric, given, seen, [term])
                     terms.append(Ref(name, "sliced"))
@@ -597,34 +600,34 @@ class Pipeline:
         """Standard deviations of the Gaussians that are rendered, mm, ascending."""
         profiles = [self._profile(look) for look in range(len(self.looks))]
         if self.method == "lattice":
-            found = levels(profiles, min(LEAST_SAMPLES * self._texel, LEAST_LATTICE), self._spreads)
+            found = levels(profiles, min(LEAST_SAMPLES * self._texel, LEAST_LATTICE), self._spreads, self._texel)
             for look, profile in enumerate(profiles):
                 error = edge_error(profile, found, self._texel / 2) if profile.variances else 0.0
                 _log.info("skin %d: light at an edge is up to %.1f %% off its profile", look, 100 * error)
             return found
         if self.method == "splat":
-            return levels(profiles, LEAST_SPACING * spacing(self._texels), False)
+            return levels(profiles, LEAST_SPACING * spacing(self._texels), False, self._texel)
         if self.method in ("sum_of_gaussians", "screen_space"):
-            return levels(profiles, 0.0, False)
+            return levels(profiles, 0.0, False, self._texel)
         return ()
 
-    def _lattice(self, sigma: float, factor: int, before: Sequence[Node]) -> tuple[str, LatticeTables]:
-        """The lattice's tables of a width, with the key that names them."""
-        size = self.atlas_size[0]
-        key = f"{self.mesh.key} {size} {ATLAS_GUTTER} {sigma!r} {factor}"
+    def _tables(self, room: ModuleType, sigma: float, factor: int, before: Sequence[Node]) -> tuple[str, Any]:
+        """The tables that a room of `mesh` makes of the atlas for a width, with the key that names them."""
+        # What texels the driver fills, and where they lie, it knows best.
+        driver = "{renderer}, {version}".format(**device_info())
+        made_of = (module_digest(room.__name__).hex(), driver, self.mesh.key, *self.atlas_size, ATLAS_GUTTER)
+        key = f"{made_of} {sigma!r} {factor}"
 
         def make() -> dict[str, NDArray[Any]]:
-            # What texels the driver fills, and where they lie, it knows best.
             refs = [Ref("atlas", output) for output in ("position", "frame_n", "metric")]
             found = FrameGraph(before, self._store).run(refs)
-            position, normal, metric = (
-                read_back(found[ref])[::-1].reshape(size * size, 4).astype(np.float64) for ref in refs
-            )
-            texel = np.flatnonzero(position[:, 3] > 0)
-            at = position[texel, :3]
-            return pack(tables(at, normal[texel, :3], metric[texel, 0], texel, size, sigma, factor))
+            position, normal, metric = (read_back(found[ref])[::-1].reshape(-1, 4).astype(np.float64) for ref in refs)
+            own = np.flatnonzero(position[:, 3] > 0)
+            at, areas = position[own, :3], metric[own, 0]
+            made = room.tables(at, normal[own, :3], areas, own, self.atlas_size[0], sigma, factor)
+            return dict(room.pack(made))
 
-        return key, unpack(diskcache.arrays("lattice", key, make, enabled=self._skip))
+        return key, room.unpack(diskcache.arrays(room.__name__.split(".")[-1], key, make, enabled=self._skip))
 
     @cached_property
     def _texels(self) -> Texels:

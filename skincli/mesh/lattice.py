@@ -182,7 +182,7 @@ def tables(
     spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
     place_bits = max(11, (size - 1).bit_length())
     points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
-    receives, gives = _bent(points.positions, points.normals, points.areas, sigma)
+    receives, gives = bent(points.positions, points.normals, points.areas, sigma)
     bends = receives[points.of]
 
     base, code, _ = _cubes(positions, spacing)
@@ -212,17 +212,17 @@ def tables(
         points.areas[near] > 0,
         int(np.searchsorted(near, points.blocks)),
     )
-    bent, _, _ = _chain(_ring(np.union1d(corner[near], some)), some, gifts, place_bits, 0)
+    turned, _, _ = _chain(_ring(np.union1d(corner[near], some)), some, gifts, place_bits, 0)
 
     words = (
         number[np.searchsorted(around, keys)][own]
         | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
     )
     slices = np.zeros(size * size, dtype=np.float32)
-    slices[texel] = _as_float(words | BENT * bends)
+    slices[texel] = as_floats(words | BENT * bends)
     left = spacing / np.sqrt(sigma**2 - points.blur)
     return LatticeTables(
-        spacing, left, factor, place_bits, whole, bent, len(reads), links, slices.reshape(size, size, 1)
+        spacing, left, factor, place_bits, whole, turned, len(reads), links, slices.reshape(size, size, 1)
     )
 
 
@@ -314,7 +314,7 @@ def _ring(keys: Keys) -> Keys:
     return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
 
 
-def _bent(
+def bent(
     positions: Floats, normals: Floats, areas: Floats, sigma: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which points see normals that differ within reach, and which points are within reach of those.
@@ -418,7 +418,7 @@ def rows(array: NDArray[np.float32]) -> NDArray[np.float32]:
     return padded.reshape(height, WIDTH, -1)
 
 
-def _as_float(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+def as_floats(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     """Return 30-bit words in float32 bit patterns that no driver flushes or quiets: exponents 64 to 127."""
     bits = np.asarray(words, dtype=np.uint32)
     return ((bits & np.uint32(0x1FFFFFFF)) | np.uint32(0x20000000) | (bits >> np.uint32(29)) << np.uint32(31)).view(
@@ -500,12 +500,12 @@ def _chain(
         word = np.empty(len(order), dtype=np.uint32)
         word[order] = np.arange(len(order), dtype=np.uint32) | exists << np.uint32(LINE_BITS)
         out = final if k == 3 else orders[k + 1]
-        made.append(rows(_as_float(word[out])[:, None]))
+        made.append(rows(as_floats(word[out])[:, None]))
         if linked:
             own = number[order]
             links[order, k] = np.where(joined, np.append(own[1:], 0)[: len(own)], own)
             links[order, 4 + k] = np.where(before, np.append(0, own)[: len(own)], own)
-    chain = Chain(len(universe), len(final), rows(starts[:, None]), rows(_as_float(words)[:, None]), tuple(made))
+    chain = Chain(len(universe), len(final), rows(starts[:, None]), rows(as_floats(words)[:, None]), tuple(made))
     return chain, rows(links[final[:linked]].reshape(-1, 4)), number
 
 

@@ -201,7 +201,7 @@ def lattice_nodes(
     for number, term in enumerate(terms):
         own, table = f"{name}_{number}", term.tables
         whole = _chain(f"{own}_whole", term, table.whole, LatticeSplat, LatticeBlur, gifts)
-        loads = _loads(own, term, {"links": table.links, "slices": table.slices})
+        loads = table_loads(own, term.key, {"links": table.links, "slices": table.slices})
         tables = _images(loads)
         inputs = {"image": Ref(whole[-1].name, "blurred"), "links": tables["links"]}
         values = GradientValues(table.nodes)
@@ -224,7 +224,7 @@ def _chain(
 ) -> list[Node]:
     """Return the nodes of a splat and its four blurs, the last blur last."""
     lines = {f"lines{k}": array for k, array in enumerate(chain.lines)}
-    loads = _loads(name, term, {"starts": chain.starts, "entries": chain.entries, **lines})
+    loads = table_loads(name, term.key, {"starts": chain.starts, "entries": chain.entries, **lines})
     tables = _images(loads)
     wired = {**inputs, "starts": tables["starts"], "entries": tables["entries"]}
     draw = Draw(SplatValues(chain.nodes, term.tables.place_bits))
@@ -240,12 +240,18 @@ def _chain(
     return nodes
 
 
-def _loads(name: str, term: Term, tables: Mapping[str, NDArray[np.float32]]) -> dict[str, Load]:
-    # Tables begin at the first row, which GL has at the bottom.
+def table_loads(name: str, key: str, tables: Mapping[str, NDArray[np.float32]]) -> dict[str, Load]:
+    """Return the nodes that load (h, w, c) tables, whose first row GL has at the bottom.
+
+    Parameters
+    ----------
+    name : their common name
+    key : says what the tables are made of
+    """
     return {
         what: Load(
             f"{name}_{what}",
-            f"{term.key} {name} {what}",
+            f"{key} {name} {what}",
             partial(_upwards, array),
             {1: "r32f", 4: "rgba32f"}[array.shape[2]],
         )

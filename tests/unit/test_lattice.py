@@ -107,7 +107,7 @@ def test_taps_leave_the_gaussian_its_variance(ratio: float, gradients: bool) -> 
 
 def test_words_survive_as_normal_floats() -> None:
     words = np.array([0, 1, 2**22 - 1, 2**29, 2**30 - 1], dtype=np.uint32)
-    floats = lattice._as_float(words)
+    floats = lattice.as_floats(words)
     assert np.all(np.abs(floats) > np.finfo(np.float32).tiny)
     assert np.all(np.isfinite(floats))
     assert np.array_equal(lattice.as_words(floats), words)
