@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
 from types import ModuleType
@@ -535,18 +537,13 @@ class Pipeline:
                     nodes.append(blocks[factor])
                 return blocks[factor]
 
-            for number, width in enumerate(widths):
-                name = f"diffused_{number}"
+            for number, (width, (key, table)) in enumerate(zip(widths, self._tables(before), strict=True)):
+                name, given = f"diffused_{number}", block(table.factor)
                 if width < LEAST_LATTICE:
-                    factor = window_factor(width, self._texel)
-                    key, table = self._tables(windows, width, factor, before)
-                    given = block(factor)
                     nodes += window_nodes(name, size, given, position, normal, seen, width, self._texel, key, table)
                     terms.append(Ref(name, "windowed"))
                 else:
-                    factor = lattice.block_factor(width, self._texel)
-                    term = Term(*self._tables(lattice, width, factor, before), (1.0, 1.0, 1.0))
-                    given = block(factor)
+                    term = Term(key, table, (1.0, 1.0, 1.0))
                     nodes += lattice_nodes(name, size, image, position, normal, metric, given, seen, [term])
                     terms.append(Ref(name, "sliced"))
         elif self.method == "sum_of_gaussians":
@@ -611,23 +608,40 @@ class Pipeline:
             return levels(profiles, 0.0, False, self._texel)
         return ()
 
-    def _tables(self, room: ModuleType, sigma: float, factor: int, before: Sequence[Node]) -> tuple[str, Any]:
-        """The tables that a room of `mesh` makes of the atlas for a width, with the key that names them."""
+    def _tables(self, before: Sequence[Node]) -> list[tuple[str, Any]]:
+        """For each width the tables of its windows or its lattice, with the key that names them."""
         # What texels the driver fills, and where they lie, it knows best.
         driver = "{renderer}, {version}".format(**device_info())
-        made_of = (module_digest(room.__name__).hex(), driver, self.mesh.key, *self.atlas_size, ATLAS_GUTTER)
-        key = f"{made_of} {sigma!r} {factor}"
+        about = f"{driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
+        wanted: list[tuple[ModuleType, float, int, str]] = []
+        for width in self._widths:
+            room, factor = (windows, window_factor) if width < LEAST_LATTICE else (lattice, lattice.block_factor)
+            texels = factor(width, self._texel)
+            wanted.append((room, width, texels, f"{about} {module_digest(room.__name__).hex()} {width!r} {texels}"))
 
-        def make() -> dict[str, NDArray[Any]]:
+        def kind(room: ModuleType) -> str:
+            return room.__name__.rpartition(".")[2]
+
+        kept = [diskcache.find(kind(room), key) if self._skip else None for room, _, _, key in wanted]
+        missing = [place for place, entry in enumerate(kept) if entry is None]
+        if missing:
             refs = [Ref("atlas", output) for output in ("position", "frame_n", "metric")]
             found = FrameGraph(before, self._store).run(refs)
             position, normal, metric = (read_back(found[ref])[::-1].reshape(-1, 4).astype(np.float64) for ref in refs)
             own = np.flatnonzero(position[:, 3] > 0)
-            at, areas = position[own, :3], metric[own, 0]
-            made = room.tables(at, normal[own, :3], areas, own, self.atlas_size[0], sigma, factor)
-            return dict(room.pack(made))
+            surface = position[own, :3], normal[own, :3], metric[own, 0], own, self.atlas_size[0]
+            del position, normal, metric
 
-        return key, room.unpack(diskcache.arrays(room.__name__.split(".")[-1], key, make, enabled=self._skip))
+            def make(place: int) -> None:
+                room, width, factor, key = wanted[place]
+                kept[place] = entry = room.pack(room.tables(*surface, width, factor))
+                if self._skip:
+                    diskcache.keep(kind(room), key, entry)
+
+            # The widest have the fewest nodes: the longest work first.
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                list(pool.map(make, missing))
+        return [(key, room.unpack(entry)) for (room, _, _, key), entry in zip(wanted, kept, strict=True)]
 
     @cached_property
     def _texels(self) -> Texels:

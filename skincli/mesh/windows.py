@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 #: standard deviations to which a window and its lists reach
-REACH = 2.75
+REACH = 2.5
 
 #: bits of a word of `reach` for the blocks on each side of the middle, along each axis; the rest name the list
 RADIUS_BITS = 4
