@@ -273,6 +273,7 @@ class Pipeline:
     store : memo to share with other pipelines
     skip : False runs every node and remembers nothing
     exact : what `diffusion: exact` calls; see skincli.reference.texels
+    use_cache : whether tables come from the disk cache; left out, as `skip`
 
     Raises
     ------
@@ -287,6 +288,7 @@ class Pipeline:
         store: Store | None = None,
         skip: bool = True,
         exact: Exact | None = None,
+        use_cache: bool | None = None,
     ) -> None:
         self.loaded = loaded
         self.scene = loaded.scene
@@ -313,6 +315,7 @@ class Pipeline:
         self.atlas_size = (render.atlas_size, render.atlas_size)
         self._require_memory()
         self._skip = skip
+        self._use_cache = skip if use_cache is None else use_cache
         self._store = store or Store()
         self.graph = FrameGraph(self._nodes(), self._store, skip)
 
@@ -622,7 +625,7 @@ class Pipeline:
         def kind(room: ModuleType) -> str:
             return room.__name__.rpartition(".")[2]
 
-        kept = [diskcache.find(kind(room), key) if self._skip else None for room, _, _, key in wanted]
+        kept = [diskcache.find(kind(room), key) if self._use_cache else None for room, _, _, key in wanted]
         missing = [place for place, entry in enumerate(kept) if entry is None]
         if missing:
             refs = [Ref("atlas", output) for output in ("position", "frame_n", "metric")]
@@ -635,7 +638,7 @@ class Pipeline:
             def make(place: int) -> None:
                 room, width, factor, key = wanted[place]
                 kept[place] = entry = room.pack(room.tables(*surface, width, factor))
-                if self._skip:
+                if self._use_cache:
                     diskcache.keep(kind(room), key, entry)
 
             # The widest have the fewest nodes: the longest work first.

@@ -272,6 +272,16 @@ def test_large_pictures_do_not_push_the_maps_out_of_the_memo(pipeline: Make, mon
     assert states["view"] == "ran"
 
 
+def test_maps_alone_may_be_kept(pipeline: Make) -> None:
+    made = pipeline("render.atlas=64", "skin.size=64")
+    expected = made.run(["beauty"])["beauty"]
+    made.graph.store.clear(but_dear=True)
+    np.testing.assert_array_equal(made.run(["beauty"])["beauty"], expected)
+    states = {report.name: report.state for report in made.reports}
+    assert {states[name] for name in ("skin0_maps", "skin0_site")} == {"reused"}
+    assert {states[name] for name in ("environment", "atlas", "view")} == {"ran"}
+
+
 def test_parts_that_share_the_texture_square_have_patterns_of_their_own(
     ctx: object, load: Callable[..., LoadedScene], mesh: Mesh
 ) -> None:
