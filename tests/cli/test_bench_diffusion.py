@@ -20,6 +20,7 @@ from skincli.bench import report, surfaces
 from skincli.bench.scene import ring
 from skincli.cli import root
 from skincli.mesh.model import Mesh
+from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import face_areas
 from skincli.mesh.texels import atlas_texels
 
@@ -161,7 +162,7 @@ def test_light_is_averaged_over_texels_as_the_surface_lies() -> None:
 
 def test_subdivision_moves_no_point() -> None:
     mesh = small_ring()
-    found = surfaces.subdivided(mesh)
+    found = subdivided(mesh)
     assert len(found.faces) == 4 * len(mesh.faces)
     assert [(part.start, part.stop) for part in found.parts] == [(4 * p.start, 4 * p.stop) for p in mesh.parts]
     np.testing.assert_allclose(face_areas(found).reshape(-1, 4).sum(axis=1), face_areas(mesh), rtol=1e-12)
