@@ -38,12 +38,13 @@ from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import face_areas
 from skincli.mesh.texels import Texels, atlas_texels
 from skincli.optics.gaussians import HUMAN
+from skincli.passes.irradiance import averaged
 from skincli.passes.lattice import LatticeSlice
 from skincli.passes.seen import seen_node
 from skincli.pipeline import ATLAS_GUTTER, OUTPUTS, Pipeline, frame_camera
 from skincli.reference.surface_integral import Light, mesh_samples
 from skincli.reference.texels import samples_of
-from skincli.scene.model import ATLAS_OF_QUALITY
+from skincli.scene.model import ATLAS_OF_QUALITY, Render
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -71,7 +72,7 @@ LIGHTS = ("checker", "Lambert", "noise")
 FINE_AREA, FINE_SAMPLES = 0.05, 6_000_000
 
 #: places of a Gaussian in the plane where it is narrower than so many of those samples are wide
-PLACES, NARROW = 128, 2.0
+PLACES, NARROW = 128, 1.5
 
 #: of the noise's table, which repeats beyond: cells a side
 TABLE = 64
@@ -129,6 +130,11 @@ def lights(positions: Floats, normals: Floats, width: Floats | float = 0.0) -> F
     positions, normals : (n, 3) mm and unit
     width : mm, (n,) or scalar: over which the checker's edges are averaged, for a point that stands for a piece
     """
+    return _lit(positions, normals, width)[1]
+
+
+def _lit(positions: Floats, normals: Floats, width: Floats | float = 0.0) -> tuple[Floats, Floats]:
+    """Return the lights on surfaces that face them, and `lights`."""
     lambert = np.maximum(normals @ TOWARDS, 0.0)
     at = positions @ (AXES / CHECKER)
     cell = np.floor(at)
@@ -137,7 +143,9 @@ def lights(positions: Floats, normals: Floats, width: Floats | float = 0.0) -> F
     slant = np.sqrt(np.maximum(1 - (normals @ AXES) ** 2, 0)) * (np.reshape(width, (-1, 1)) / 2)
     inside = np.clip(CHECKER * np.minimum(at, 1 - at) / np.maximum(slant, 1e-9), 0, 1)
     sign = np.prod(inside, axis=1) * (1 - 2 * (cell.sum(axis=1) % 2))
-    return np.stack([lambert * (1 + sign) / 2, lambert, _noise(positions)], axis=1)
+    one = np.ones_like(lambert)
+    arriving = np.stack([(1 + sign) / 2, one, _noise(positions)], axis=1)
+    return arriving, np.stack([lambert, lambert, one], axis=1) * arriving
 
 
 @cache
@@ -162,41 +170,18 @@ def _noise(positions: Floats) -> Floats:
 
 
 def light_of_texels(texels: Texels, size: int) -> Floats:
-    """Return the lights on an atlas, (n, 3), averaged over 2 x 2 places of each texel as the irradiance pass does.
+    """Return the lights on an atlas, (n, 3), averaged over each texel as the irradiance pass does.
 
     Parameters
     ----------
     texels : with the gutter
     size : texels a side
     """
-    own = np.full(size * (size + 2), -1, dtype=np.int32)
-    own[texels.index + size] = np.arange(len(texels.index))
+    samples = Render().irradiance_samples
 
     def part(first: int) -> Floats:
         rows = slice(first, first + TEXELS_AT_ONCE)
-        at = texels.index[rows] + size
-        position, normal = texels.positions[rows], texels.normals[rows]
-        moved: list[Floats] = []
-        bent: list[Floats] = []
-        for stride in (1, size):
-            found = []
-            for sign in (1, -1):
-                beside = own[at + sign * stride]
-                step = sign * (texels.positions[beside] - position)
-                away = np.where(beside >= 0, np.linalg.norm(step, axis=1), np.inf)
-                found.append((away, step, sign * (texels.normals[beside] - normal)))
-            (forth, *ahead), (back, *behind) = found
-            # Towards the neighbor ahead, unless it is so far that it must lie beyond a border of the chart.
-            known, on = np.isfinite(np.minimum(forth, back))[:, None], (forth <= 2 * back)[:, None]
-            for total, pair in zip((moved, bent), zip(ahead, behind, strict=True), strict=True):
-                total.append(np.where(known, np.where(on, *pair), 0.0) / 4)
-        result = np.zeros((len(at), 3))
-        for x in (-1, 1):
-            for y in (-1, 1):
-                there = normal + x * bent[0] + y * bent[1]
-                there /= np.linalg.norm(there, axis=1, keepdims=True)
-                result += lights(position + x * moved[0] + y * moved[1], there) / 4
-        return result
+        return averaged(_lit, texels.index, size, texels.positions, texels.normals, samples, rows)
 
     return _in_parts(part, len(texels.index))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,13 @@ AMBIENT, DIRECTIONAL, POINT, SPOT = range(4)
 
 #: skins that one mesh may carry; their factors lie side by side in a uniform block
 MAX_SLOTS = 64
+
+#: share of the brightest by which the light at a texel's center and at its corners differ where it is looked at more
+#: closely; from twice as much on, what is seen closely replaces the rest
+CHANGE = 0.05
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -52,11 +60,11 @@ def spot_cosines(angle: float, blend: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class IrradianceValues(LightValues):
-    """A light, places along a texel's side where it is asked for, and per slot the skin's answer.
+    """A light, how closely it is looked at, and per slot the skin's answer.
 
     Parameters
     ----------
-    samples : 1 and more
+    samples : places along a texel's side where the light has an edge; 1: all texels are their centers
     response : x ambient factor, y diffuse factor
     """
 
@@ -99,32 +107,83 @@ def light_twin(light: LightValues, position: NDArray[np.float64]) -> tuple[NDArr
     return L, color * falloff
 
 
-def _change(
-    position: NDArray[np.float64], normal: NDArray[np.float64], axis: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return by how much position and normal change from texel to texel along an axis.
+def averaged(
+    lit: Callable[[Floats, Floats], tuple[Floats, Floats]],
+    index: Indices,
+    width: int,
+    position: Floats,
+    normal: Floats,
+    samples: int,
+    rows: slice = slice(None),
+) -> Floats:
+    """Return the light that texels receive, averaged over each.
 
-    Towards the neighbor ahead (rows: above), unless it is so far that it must lie beyond a border of the chart.
+    The center and the corners are weighted so that light which bends as a parabola is averaged exactly, and tell
+    whether an edge lies between them: no straight one passes without parting a corner from the center. There a grid
+    of places takes over.
+
+    Parameters
+    ----------
+    lit : of (n, 3) positions and unit normals; gives the light on a surface that faces it, and what is received, (n, k)
+    index : (n,) ascending, row * width + column, row 0 at v = 0: the texels
+    width : texels in a row
+    position, normal : (n, 3) mm and unit
+    samples : places along a texel's side where the light has an edge; 1: all texels are their centers
+    rows : the texels that are wanted, m of them
+
+    Returns
+    -------
+    (m, k)
     """
-    found = []
-    for step in (1, -1) if axis == 1 else (-1, 1):
-        beside, turned = (np.roll(array, -step, axis=axis) for array in (position, normal))
-        edge = [slice(None)] * 2
-        edge[axis] = slice(-1, None) if step == 1 else slice(0, 1)
-        beside[tuple(edge)] = 0.0
-        away = np.linalg.norm(beside[..., :3] - position[..., :3], axis=-1, keepdims=True)
-        away = np.where(beside[..., 3:] > 0, away, np.inf)
-        found.append((away, step * (beside[..., :3] - position[..., :3]), step * (turned - normal)))
-    (forth, *ahead), (back, *behind) = found
-    known = np.isfinite(np.minimum(forth, back))
-    on = forth <= 2 * back
-    moved, turned = (np.where(known, np.where(on, *pair), 0.0) for pair in zip(ahead, behind, strict=True))
+    places = [
+        np.stack([start[rows], *changes])
+        for start, changes in zip((position, normal), _changes(index, width, position, normal, rows), strict=True)
+    ]
+
+    def at(x: float, y: float, some: NDArray[np.bool_] | slice = slice(None)) -> tuple[Floats, Floats]:
+        P, N = (np.tensordot((1.0, x, y), place[:, some], axes=1) for place in places)
+        return lit(P, N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-15))
+
+    arriving, mean = at(0, 0)
+    if samples == 1:
+        return mean
+    corners = [at(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    brightest = np.max(np.abs([arriving, *(there for there, _ in corners)]), axis=0)
+    change = np.abs(arriving - sum(there for there, _ in corners) / 4)
+    mean = 2 / 3 * mean + sum(received for _, received in corners) / 12
+    edge = np.clip(change / np.maximum(CHANGE * brightest, 1e-30) - 1, 0, 1)
+    some = edge.any(axis=1)
+    side = (np.arange(samples) + 0.5) / samples - 0.5
+    closely = sum(at(x, y, some)[1] for x in side for y in side) / samples**2
+    mean[some] += edge[some] * (closely - mean[some])
+    return mean
+
+
+def _changes(
+    index: Indices, width: int, position: Floats, normal: Floats, rows: slice
+) -> tuple[list[Floats], list[Floats]]:
+    """Return by how much position and normal change from texel to texel along a row, and from row to row.
+
+    Towards the neighbor ahead, unless it is so far that it must lie beyond a border of the chart.
+    """
+    own = index[rows]
+    moved: list[Floats] = []
+    turned: list[Floats] = []
+    for stride in (1, width):
+        found = []
+        for step in (stride, -stride):
+            beside = np.minimum(np.searchsorted(index, own + step), len(index) - 1)
+            known = (index[beside] == own + step) & (np.abs((own + step) % width - own % width) <= 1)
+            change = [np.sign(step) * (array[beside] - array[rows]) for array in (position, normal)]
+            found.append((np.where(known, np.linalg.norm(change[0], axis=1), np.inf), *change))
+        (forth, *ahead), (back, *behind) = found
+        known, on = np.isfinite(np.minimum(forth, back))[:, None], (forth <= 2 * back)[:, None]
+        for total, pair in zip((moved, turned), zip(ahead, behind, strict=True), strict=True):
+            total.append(np.where(known, np.where(on, *pair), 0.0))
     return moved, turned
 
 
-def twin(
-    lights: list[IrradianceValues], position: NDArray[np.float64], normal: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def twin(lights: list[IrradianceValues], position: Floats, normal: Floats) -> Floats:
     """Return irradiance and coverage.
 
     Parameters
@@ -136,22 +195,21 @@ def twin(
     -------
     (h, w, 4)
     """
-    slot = position[..., 3].astype(int)
-    covered = (slot > 0)[..., None]
-    total = np.zeros((*slot.shape, 3))
-    across, down = (_change(position, normal, axis) for axis in (1, 0))
+    # The topmost row comes first in arrays, last among texels.
+    texels, normals = position[::-1].reshape(-1, 4), normal[::-1].reshape(-1, 3)
+    index = np.flatnonzero(texels[:, 3] > 0)
+    points, slot = texels[index, :3], texels[index, 3].astype(int) - 1
+    result = np.zeros((len(texels), 4))
+    result[index, 3] = 1
     for light in lights:
-        response = np.array(light.response, float)[np.maximum(slot - 1, 0)]
+        ambient, diffuse = np.array(light.response, float)[slot, :2, None].transpose(1, 0, 2)
         if light.kind == AMBIENT:
-            total += np.array(light.color, float) * response[..., :1]
+            result[index, :3] += ambient * np.array(light.color, float)
             continue
-        places = (np.arange(light.samples) + 0.5) / light.samples - 0.5
-        for x, y in np.array(np.meshgrid(places, places)).reshape(2, -1).T:
-            P, N = (
-                start + x * u + y * v for start, u, v in zip((position[..., :3], normal), across, down, strict=True)
-            )
-            N = N / np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-15)
-            L, irradiance = light_twin(light, P)
-            cosine = np.maximum(np.sum(N * L, axis=-1, keepdims=True), 0)
-            total += response[..., 1:2] * cosine * irradiance / light.samples**2
-    return np.concatenate([total * covered, covered], axis=-1)
+
+        def lit(P: Floats, N: Floats, light: LightValues = light) -> tuple[Floats, Floats]:
+            L, arriving = light_twin(light, P)
+            return arriving, np.maximum(np.sum(N * L, axis=1, keepdims=True), 0) * arriving
+
+        result[index, :3] += diffuse * averaged(lit, index, position.shape[1], points, normals[index], light.samples)
+    return result.reshape(position.shape)[::-1]

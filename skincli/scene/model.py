@@ -312,8 +312,8 @@ class Render(Written):
 
     @property
     def irradiance_samples(self) -> int:
-        """Places along a texel's side where light is asked for: the paper and drafts take its center alone."""
-        return 1 if self.shading == "paper" or self.quality == "draft" else 2
+        """Places along a texel's side where a light has an edge; the paper and drafts take the centers alone."""
+        return 1 if self.shading == "paper" or self.quality == "draft" else 4
 
     @property
     def diffusion_method(self) -> DiffusionMethod:

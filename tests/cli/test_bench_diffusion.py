@@ -141,23 +141,24 @@ def test_words_that_do_not_go_with_it_are_usage_errors(words: list[str]) -> None
 
 
 def test_light_is_averaged_over_texels_as_the_surface_lies() -> None:
-    """The average over 2 x 2 places of a texel is that of four texels of an atlas twice as fine."""
-    mesh = ring(192, 96)
-    coarse, fine = (atlas_texels(mesh, size, 2) for size in (128, 256))
+    """The average over a texel is that of the texels of an atlas that is finer by as much as an edge is looked at."""
+    mesh, finer = ring(192, 96), 4
+    coarse, fine = (atlas_texels(mesh, size, 2) for size in (128, finer * 128))
     light = surfaces.light_of_texels(coarse, 128)[coarse.areas > 0]
     parts = surfaces.lights(fine.positions, fine.normals)[fine.areas > 0]
-    owner = fine.index // 512 * 128 + fine.index % 256 // 2
+    owner = fine.index // (finer**2 * 128) * 128 + fine.index % (finer * 128) // finer
     owner = owner[fine.areas > 0]
     count = np.bincount(owner, minlength=128**2)
     mean = np.stack([np.bincount(owner, column, 128**2) for column in parts.T], axis=1) / np.maximum(count, 1)[:, None]
     index = coarse.index[coarse.areas > 0]
-    whole = count[index] == 4
+    whole = count[index] == finer**2
     assert whole.sum() > 8000
     apart = np.abs(light[whole] - mean[index][whole])
     # A place just beside an edge of the checker may fall on its other side.
-    assert (apart[:, 0] > 0.02).mean() < 0.02
-    assert apart[:, 1:].max() < 0.05
-    assert apart[:, 1:].mean() < 0.005
+    assert (apart[:, 0] > 0.02).mean() < 0.06
+    # The noise's cells are hardly wider than these texels.
+    assert apart[:, 1:].max() < 0.1
+    assert (apart.mean(axis=0) < [0.004, 0.001, 0.006]).all()
 
 
 def test_subdivision_moves_no_point() -> None:

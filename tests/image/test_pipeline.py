@@ -329,6 +329,27 @@ def test_occlusion_stops_at_the_outline(pipeline: Make) -> None:
         assert np.median(arrays[name][~outside]) < 0.8
 
 
+@pytest.mark.parametrize("blend", [0.02, 0.4])
+def test_the_edge_of_a_light_agrees_with_its_twin(pipeline: Make, blend: float) -> None:
+    from skincli.gpu.textures import read_back
+    from skincli.graph.node import Ref
+    from skincli.passes import irradiance
+
+    where = "type: spot, position: [0, 400, 300], direction: [0, -1, -0.6], angle: 15"
+    made = pipeline("ambient=[0, 0, 0]", f"lights=[{{{where}, intensity: [0.4, 0.3, 0], blend: {blend}}}]")
+    refs = [Ref("atlas", "position"), Ref("atlas", "normal"), Ref("irradiance", "irradiance")]
+    position, normal, found = (read_back(texture).astype(np.float64) for texture in made.graph.run(refs).values())
+    lights = [draw.values for draw in made.graph.nodes["irradiance"].draws]
+    expected, coarsely = (
+        irradiance.twin([replace(light, samples=samples) for light in lights], position, normal[..., :3])
+        for samples in (4, 2)
+    )
+    assert {light.samples for light in lights} == {4}
+    assert np.abs(found - expected).max() <= 1e-4 * expected.max()
+    # A sharp edge is looked at closely, a soft one is not.
+    assert (np.abs(expected - coarsely).max() > 0.01 * expected.max()) == (blend < 0.1)
+
+
 @pytest.mark.parametrize("shininess", [0, 5, 60, 1000, 20000])
 def test_highlights_of_any_size_agree_with_their_twin(pipeline: Make, shininess: float) -> None:
     from skincli.gpu.textures import read_back
