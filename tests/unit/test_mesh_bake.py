@@ -14,8 +14,8 @@ from skincli import diskcache
 from skincli.errors import DeviceError
 from skincli.mesh import bake as module
 from skincli.mesh.bake import bake, mean_curvature, occlusion_at
-from skincli.mesh.subdivide import subdivided
 from skincli.mesh.model import Mesh, Part
+from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import angle_weighted_normals
 
 Floats = NDArray[np.float64]
