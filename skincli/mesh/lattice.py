@@ -10,6 +10,7 @@ with their gradients, and tables that keep each line of nodes contiguous.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +22,17 @@ from skincli.errors import LimitError
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-#: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
-NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 1.0
+#: lattice constant (edge of the cubic cell) over sigma, for sigmas below so many mm: wide ones have few nodes
+RATIOS = ((1.0, 1.25), (2.0, 1.0), (math.inf, 0.9))
 
-#: what the taps are given of the variance that they should have, and of a Gaussian's fourth moment at a ratio of 1 and
-#: for each 1 more: least error on planes, where gradients in cells and the end of the blur at the ring sharpen a bit
-KEPT_VARIANCE, KEPT_FOURTH, MORE_FOURTH = 0.98, 0.92, 0.24
+#: what the taps are given of the variance that they should have: least error on planes and heads, where the end of the
+#: lattice beside the surface cuts what goes far
+KEPT_VARIANCE = 0.98
+
+#: nodes on either side of a node that the blur along a line reads; and how many steps far nodes are kept for it, along
+#: the line and from the nodes that texels read
+REACH = 3
+SPREAD = 2
 
 #: texels of a row in all tables and node textures, a power of two
 WIDTH = 2048
@@ -46,6 +52,7 @@ _MASK = np.int64((1 << _BITS) - 1)
 _BIAS = np.int64(1 << (_BITS - 1))
 _ORIGIN = _BIAS * np.int64((1 << 2 * _BITS) + (1 << _BITS) + 1)
 _UNITS = np.array([1 - (1 << 2 * _BITS) - (1 << _BITS), 1 << 2 * _BITS, 1 << _BITS], dtype=np.int64)
+_STEPS = DIRECTIONS @ _UNITS
 
 #: bits of a word
 WORD_BITS = 30
@@ -54,8 +61,8 @@ WORD_BITS = 30
 NODE_BITS = 22
 BENT = 1 << NODE_BITS + 3
 
-#: bits of a word of `lines` before the five that say which nodes exist
-LINE_BITS = 25
+#: bits of a word of `lines` before those that say which nodes of a line exist
+LINE_BITS = WORD_BITS - 2 * REACH - 1
 
 #: texels along the side of a block are the power of two by which it stays below sigma over this: wider ones move the
 #: light at its edges by more than all else errs
@@ -71,14 +78,13 @@ class Chain:
 
     Parameters
     ----------
-    nodes, kept : how many there are before and after the last of the four directions
+    counts : nodes of the splat and of each blur; between, only those that are reached and from which others are
     starts : for each node its first entry of a block and its first of a texel; and where the last ends
     entries : place and weight of each contribution, by node
-    lines : per direction: where a node's line goes on in the previous texture, and which of its five nodes exist
+    lines : per direction and node: where the nodes of its line begin in the previous texture, and which there are
     """
 
-    nodes: int
-    kept: int
+    counts: tuple[int, ...]
     starts: NDArray[np.float32]
     entries: NDArray[np.float32]
     lines: tuple[NDArray[np.float32], ...]
@@ -179,7 +185,7 @@ def tables(
     ------
     LimitError : the surface has more nodes than a table can name
     """
-    spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
+    spacing = sigma * (ratio or next(found for limit, found in RATIOS if sigma < limit))
     place_bits = max(11, (size - 1).bit_length())
     points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
     receives, gives = _bent(points.positions, points.normals, points.areas, sigma)
@@ -192,17 +198,17 @@ def tables(
     some = _corners_of(keys, own[bends], code[bends])
     reads = np.union1d(_corners_of(keys, own, code), some)
     reads = np.union1d(reads, corner)
-    if len(reads) >= 1 << NODE_BITS:
-        raise LimitError(
-            f"sigma {sigma:.2f} mm takes {len(reads)} lattice nodes on this mesh; at most {1 << NODE_BITS} are "
-            "allowed; choose a larger optics.radius"
-        )
     around = _ring(reads)
     rest = np.setdiff1d(reads, some, assume_unique=True)
     target = np.concatenate([some, rest, np.setdiff1d(around, reads, assume_unique=True)])
     weights = tetrahedron_weights(place)
     gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
-    whole, links, number = _chain(around, target, gifts, place_bits, len(reads))
+    whole, links, number = _chain(_ring(around), target, gifts, place_bits, len(reads))
+    if len(reads) > 1 << NODE_BITS or max(whole.counts) > 1 << LINE_BITS:
+        raise LimitError(
+            f"sigma {sigma:.2f} mm takes {max(whole.counts)} lattice nodes on this mesh, of which texels read "
+            f"{len(reads)}; at most {1 << LINE_BITS} and {1 << NODE_BITS} are allowed; choose a larger optics.radius"
+        )
 
     near = np.flatnonzero(gives)
     gifts = _Gifts(
@@ -212,14 +218,11 @@ def tables(
         points.areas[near] > 0,
         int(np.searchsorted(near, points.blocks)),
     )
-    bent, _, _ = _chain(_ring(np.union1d(corner[near], some)), some, gifts, place_bits, 0)
+    bent, _, _ = _chain(_ring(_ring(np.union1d(corner[near], some))), some, gifts, place_bits, 0)
 
-    words = (
-        number[np.searchsorted(around, keys)][own]
-        | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
-    )
+    words = number(keys)[own] | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
     slices = np.zeros(size * size, dtype=np.float32)
-    slices[texel] = _as_float(words | BENT * bends)
+    slices[texel] = as_floats(words | BENT * bends)
     left = spacing / np.sqrt(sigma**2 - points.blur)
     return LatticeTables(
         spacing, left, factor, place_bits, whole, bent, len(reads), links, slices.reshape(size, size, 1)
@@ -269,8 +272,8 @@ def _address(index: Keys, side: int, bits: int) -> NDArray[np.uint32]:
     return (index % side | index // side << bits).astype(np.uint32)
 
 
-def taps(ratio: float, gradients: bool = True) -> tuple[float, float, float]:
-    """Return the weights of a node and of the first and second pair along a line, which sum to 1.
+def taps(ratio: float, gradients: bool = True) -> tuple[float, ...]:
+    """Return the weights of a node and of the pairs 1 to REACH steps along a line, which sum to 1: a Gaussian's.
 
     Four directions together blur by their variance times the squared lattice constant along each axis; the splat does
     by a twelfth of it.
@@ -281,10 +284,14 @@ def taps(ratio: float, gradients: bool = True) -> tuple[float, float, float]:
     gradients : whether the slice knows them; without, it blurs like the splat
     """
     variance = KEPT_VARIANCE * (1 / ratio**2 - (1 if gradients else 2) / 12)
-    fourth = (KEPT_FOURTH + MORE_FOURTH * (ratio - 1)) * 3 * variance**2
-    far = (fourth - variance) / 24
-    near = variance / 2 - 4 * far
-    return 1 - 2 * (near + far), near, far
+    squares = np.arange(REACH + 1) ** 2
+    low, high = 0.0, 1.0
+    # The variance of the weights rises with that of a neighbor over that of the middle.
+    while high - low > 1e-12:
+        share = (low + high) / 2
+        weights = share**squares / (2 * np.sum(share**squares) - 1)
+        low, high = (share, high) if 2 * weights @ squares < variance else (low, share)
+    return tuple(weights.tolist())
 
 
 def coordinates(keys: Keys) -> Floats:
@@ -306,12 +313,22 @@ def _numbered(keys: Keys) -> tuple[Keys, Keys]:
     return ordered[new], node.reshape(keys.shape)
 
 
+def _distinct(parts: Sequence[Keys]) -> Keys:
+    """Return the keys of ascending parts, each once, ascending."""
+    # Merging ascending runs is what a stable sort is good at.
+    every = np.sort(np.concatenate(parts), kind="stable")
+    return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
+
+
 def _ring(keys: Keys) -> Keys:
     """Return ascending keys with all their neighbors."""
-    steps = DIRECTIONS @ _UNITS
-    # Merging ascending runs is what a stable sort is good at.
-    every = np.sort(np.concatenate([keys, *(keys + s for s in steps), *(keys - s for s in steps)]), kind="stable")
-    return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
+    return _distinct([keys, *(keys + way * step for way in (-1, 1) for step in _STEPS)])
+
+
+def _spread(keys: Keys, direction: int, within: Keys) -> Keys:
+    """Return those keys of `within`, all ascending, that are up to SPREAD steps along a direction from others."""
+    near = _distinct([keys + k * _STEPS[direction] for k in range(-SPREAD, SPREAD + 1)])
+    return np.intersect1d(near, within, assume_unique=True)
 
 
 def _bent(
@@ -418,7 +435,7 @@ def rows(array: NDArray[np.float32]) -> NDArray[np.float32]:
     return padded.reshape(height, WIDTH, -1)
 
 
-def _as_float(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+def as_floats(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     """Return 30-bit words in float32 bit patterns that no driver flushes or quiets: exponents 64 to 127."""
     bits = np.asarray(words, dtype=np.uint32)
     return ((bits & np.uint32(0x1FFFFFFF)) | np.uint32(0x20000000) | (bits >> np.uint32(29)) << np.uint32(31)).view(
@@ -432,10 +449,11 @@ def as_words(floats: NDArray[np.float32]) -> NDArray[np.uint32]:
     return np.asarray((bits & np.uint32(0x1FFFFFFF)) | (bits >> np.uint32(31)) << np.uint32(29), dtype=np.uint32)
 
 
-def _line_keys(keys: Keys, direction: NDArray[np.int64]) -> Keys:
+def _line_keys(keys: Keys, direction: int) -> Keys:
     """Return keys whose order follows the lines of a direction; neighbors on a line differ by 1."""
     x = (keys & _MASK) - _BIAS
-    shift = ((1 - direction[1]) << 2 * _BITS) + ((1 - direction[2]) << _BITS)
+    _, y, z = DIRECTIONS[direction]
+    shift = ((1 - y) << 2 * _BITS) + ((1 - z) << _BITS)
     return keys + x * shift
 
 
@@ -460,8 +478,8 @@ class _Gifts:
 
 def _chain(
     universe: Keys, target: Keys, gifts: _Gifts, place_bits: int, linked: int
-) -> tuple[Chain, NDArray[np.float32], Keys]:
-    """Return the tables of a splat and four blurs, the links of the first `linked` nodes, and the nodes' numbers.
+) -> tuple[Chain, NDArray[np.float32], Callable[[Keys], Keys]]:
+    """Return the tables of a splat and four blurs, the links of the first `linked` nodes, and what numbers nodes.
 
     Parameters
     ----------
@@ -476,37 +494,52 @@ def _chain(
     entry = entry[np.argsort(flat[entry], kind="stable")]
     words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
     keys, node = _numbered(flat[entry])
-    node = np.searchsorted(universe, keys)[node]
     single = entry >> 2 >= gifts.blocks
-    counts = np.bincount(2 * node + single, minlength=2 * len(universe))
-    starts = np.append(0, np.cumsum(counts)).astype(np.float32)
+    starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys)))).astype(np.float32)
 
-    final = np.searchsorted(universe, target)
-    number = np.zeros(len(universe), dtype=np.int64)
-    number[final] = np.arange(len(final))
-    links = np.empty((len(universe), 8), dtype=np.float32)
-    lines = [_line_keys(universe, direction) for direction in DIRECTIONS]
-    orders = [np.argsort(line, kind="stable") for line in lines]
-    made = []
-    for k, order in enumerate(orders):
-        ahead = lines[k][order]
-        joined = np.append(ahead[1:] == ahead[:-1] + 1, False)[: len(order)]
-        # Which of the nodes two and one before, here, one and two after exist.
-        before = np.append(False, joined)[: len(order)]
-        twice = joined & np.append(joined[1:], False)[: len(order)]
-        exists = (np.append([False, False], twice)[: len(order)] * 1 | before * 2 | 4 | joined * 8 | twice * 16).astype(
-            np.uint32
-        )
-        word = np.empty(len(order), dtype=np.uint32)
-        word[order] = np.arange(len(order), dtype=np.uint32) | exists << np.uint32(LINE_BITS)
-        out = final if k == 3 else orders[k + 1]
-        made.append(rows(_as_float(word[out])[:, None]))
-        if linked:
-            own = number[order]
-            links[order, k] = np.where(joined, np.append(own[1:], 0)[: len(own)], own)
-            links[order, 4 + k] = np.where(before, np.append(0, own)[: len(own)], own)
-    chain = Chain(len(universe), len(final), rows(starts[:, None]), rows(_as_float(words)[:, None]), tuple(made))
-    return chain, rows(links[final[:linked]].reshape(-1, 4)), number
+    order = np.argsort(target, kind="stable")
+    ascending = target[order]
+    held = [keys]
+    for k in (0, 1, 2):
+        held.append(_spread(held[k], k, universe))
+    needed = ascending
+    for k in (3, 2, 1):
+        needed = _spread(needed, k, universe)
+        held[k] = np.intersect1d(held[k], needed, assume_unique=True)
+    # Ascending keys follow the lines of the first direction already.
+    held = [keys[np.argsort(_line_keys(keys, k), kind="stable")] for k, keys in enumerate(held)]
+    lines = [_words(_line_keys(held[k], k), _line_keys(out, k)) for k, out in enumerate([*held[1:], target])]
+
+    def number(keys: Keys) -> Keys:
+        return order[np.searchsorted(ascending, keys)]
+
+    links = np.empty((linked, 8), dtype=np.float32)
+    for k, step in enumerate([*_STEPS, *-_STEPS]):
+        beside = target[:linked] + step
+        place = np.minimum(np.searchsorted(ascending, beside), len(target) - 1)
+        links[:, k] = np.where(ascending[place] == beside, order[place], np.arange(linked))
+    chain = Chain(
+        tuple(map(len, [*held, target])),
+        rows(starts[:, None]),
+        rows(as_floats(words)[:, None]),
+        tuple(rows(as_floats(line)[:, None]) for line in lines),
+    )
+    return chain, rows(links.reshape(-1, 4)), number
+
+
+def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
+    """Return for nodes on lines where the nodes within REACH begin among those held, and which of them there are.
+
+    Both are keys of one direction's lines; those held ascend.
+    """
+    index = np.searchsorted(held, wanted - REACH)
+    words = index.astype(np.uint32)
+    held = np.append(held, np.iinfo(np.int64).max)
+    for k in range(2 * REACH + 1):
+        there = held[index] == wanted + (k - REACH)
+        words |= there.astype(np.uint32) << np.uint32(LINE_BITS + k)
+        index += there
+    return words
 
 
 def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:
@@ -517,7 +550,7 @@ def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:
         "slices": tables.slices,
     }
     for name, chain in (("whole", tables.whole), ("bent", tables.bent)):
-        entry |= {f"{name}_level": np.array([chain.nodes, chain.kept]), f"{name}_starts": chain.starts}
+        entry |= {f"{name}_counts": np.array(chain.counts), f"{name}_starts": chain.starts}
         entry |= {f"{name}_entries": chain.entries}
         entry |= {f"{name}_lines{k}": array for k, array in enumerate(chain.lines)}
     return entry
@@ -527,8 +560,7 @@ def unpack(entry: dict[str, NDArray[Any]]) -> LatticeTables:
     """Return the tables that `pack` has taken apart."""
     whole, bent = (
         Chain(
-            int(entry[f"{name}_level"][0]),
-            int(entry[f"{name}_level"][1]),
+            tuple(map(int, entry[f"{name}_counts"])),
             entry[f"{name}_starts"],
             entry[f"{name}_entries"],
             tuple(entry[f"{name}_lines{k}"] for k in range(4)),

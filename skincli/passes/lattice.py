@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.gpu.blocks import Values, Vec3
+from skincli.gpu.blocks import Values, Vec3, Vec4
 from skincli.graph.node import Draw, Input, Load, Node, Output, Pass, Ref, Source
 from skincli.mesh.lattice import (
     BENT,
     DIRECTIONS,
     LINE_BITS,
     NODE_BITS,
+    REACH,
     WIDTH,
     Chain,
     LatticeTables,
@@ -30,6 +31,7 @@ from skincli.passes.seen import Tiled, tile_defines, tiled
 DEFINES = (
     ("ROW_WIDTH", str(WIDTH)),
     ("ROW_SHIFT", str(WIDTH.bit_length() - 1)),
+    ("REACH", str(REACH)),
     ("LINE_BITS", str(LINE_BITS)),
     ("NODE_BITS", str(NODE_BITS)),
     ("BENT", f"{BENT}u"),
@@ -73,13 +75,11 @@ class LatticeBlurValues(Values):
     Parameters
     ----------
     nodes : how many go out
-    middle, near, far : taps of a node and of its first and second pair
+    weights : of a node and of its first, second and third pair
     """
 
     nodes: int
-    middle: float
-    near: float
-    far: float
+    weights: Vec4
 
 
 class LatticeBlur(Pass):
@@ -208,7 +208,7 @@ def lattice_nodes(
         gradient = LatticeGradient(f"{own}_gradient", _extent(table.nodes), [Draw(values)], inputs, defines=DEFINES)
         nodes += [*whole, *loads.values(), gradient]
         inputs = {**_results(gradient), **tables}
-        if table.bent.kept:
+        if table.bent.counts[-1]:
             turned = {**gifts, "normal": normal, "facing": facing}
             bent = _chain(f"{own}_bent", term, table.bent, LatticeSplatBent, LatticeBlurBent, turned)
             inputs |= _results(bent[-1])
@@ -227,14 +227,14 @@ def _chain(
     loads = _loads(name, term, {"starts": chain.starts, "entries": chain.entries, **lines})
     tables = _images(loads)
     wired = {**inputs, "starts": tables["starts"], "entries": tables["entries"]}
-    draw = Draw(SplatValues(chain.nodes, term.tables.place_bits))
-    last = splat(f"{name}_splat", _extent(chain.nodes), [draw], wired, defines=DEFINES)
+    splatted, *blurred = chain.counts
+    draw = Draw(SplatValues(splatted, term.tables.place_bits))
+    last = splat(f"{name}_splat", _extent(splatted), [draw], wired, defines=DEFINES)
     nodes: list[Node] = [*loads.values(), last]
     weights = taps(term.tables.ratio, gradients=blur is LatticeBlur)
-    for k in range(4):
-        count = chain.kept if k == 3 else chain.nodes
+    for k, count in enumerate(blurred):
         wired = dict(zip(blur.inputs, _results(last).values(), strict=False)) | {"lines": tables[f"lines{k}"]}
-        draw = Draw(LatticeBlurValues(count, *weights))
+        draw = Draw(LatticeBlurValues(count, weights))
         last = blur(f"{name}_blur{k}", _extent(count), [draw], wired, defines=DEFINES)
         nodes.append(last)
     return nodes
@@ -309,11 +309,12 @@ def splat_twin(
     chain: Chain, table: LatticeTables, source: NDArray[np.float64], normal: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """Return the (n, 4) sums at the nodes; with a normal (n, 16), alone and times its coordinates."""
-    starts = chain.starts.ravel()[: 2 * chain.nodes + 1].astype(np.int64)
+    nodes = chain.counts[0]
+    starts = chain.starts.ravel()[: 2 * nodes + 1].astype(np.int64)
     words = as_words(chain.entries.ravel()[: starts[-1]]).astype(np.int64)
     mask = (1 << table.place_bits) - 1
     column, row = words & mask, words >> table.place_bits & mask
-    slot = np.repeat(np.arange(2 * chain.nodes), np.diff(starts))
+    slot = np.repeat(np.arange(2 * nodes), np.diff(starts))
     single = slot[:, None] % 2 == 1
 
     def of_entries(texels: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -327,7 +328,7 @@ def splat_twin(
         facing = _blocks(normal * source[..., 3:], table.factor) / np.where(area > 0, area, 1)
         factors = np.concatenate([np.ones((len(words), 1)), of_entries(normal, facing)], axis=1)
         gifts = (factors[:, :, None] * gifts[:, None]).reshape(-1, 16)
-    return np.stack([np.bincount(slot // 2, column, chain.nodes) for column in gifts.T], axis=1)
+    return np.stack([np.bincount(slot // 2, column, nodes) for column in gifts.T], axis=1)
 
 
 def _blocks(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
@@ -339,17 +340,18 @@ def _blocks(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
 
 
 def blur_twin(
-    chain: Chain, direction: int, weights: tuple[float, float, float], sums: NDArray[np.float64]
+    chain: Chain, direction: int, weights: tuple[float, ...], sums: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the (m, c) sums after one direction, from the (n, c) before it."""
-    count = chain.kept if direction == 3 else chain.nodes
+    count = chain.counts[direction + 1]
     words = as_words(chain.lines[direction].ravel()[:count]).astype(np.int64)
-    place = words & ((1 << LINE_BITS) - 1)
-    exists = words[:, None] >> LINE_BITS + np.arange(5) & 1
-    middle, near, far = weights
+    index = words & ((1 << LINE_BITS) - 1)
+    held = np.append(sums, np.zeros((1, sums.shape[1])), axis=0)
     total = np.zeros((count, sums.shape[1]))
-    for k, weight in enumerate((far, near, middle, near, far)):
-        total += weight * exists[:, k : k + 1] * sums[np.clip(place + k - 2, 0, len(sums) - 1)]
+    for k in range(2 * REACH + 1):
+        there = words >> LINE_BITS + k & 1
+        total += weights[abs(k - REACH)] * there[:, None] * held[index]
+        index += there
     return total
 
 
