@@ -74,25 +74,29 @@ BLOCK_REACH = 0.5
 
 @dataclass(frozen=True)
 class Chain:
-    """From texels to blurred nodes: a splat and four blurs, as (h, WIDTH, 1) float32, first row first.
+    """From texels to blurred nodes: a splat and four blurs, as (h, WIDTH, 1) float32, first row first, and `links`.
 
     Parameters
     ----------
     counts : nodes of the splat and of each blur; between, only those that are reached and from which others are
+    read : how many of the last nodes texels read; those after them are only their neighbors
     starts : for each node its first entry of a block and its first of a texel; and where the last ends
     entries : place and weight of each contribution, by node
     lines : per direction and node: where the nodes of its line begin in the previous texture, and which there are
+    links : (h, WIDTH, 4), two of each node that texels read: the nodes one step along each direction, and against it
     """
 
     counts: tuple[int, ...]
+    read: int
     starts: NDArray[np.float32]
     entries: NDArray[np.float32]
     lines: tuple[NDArray[np.float32], ...]
+    links: NDArray[np.float32]
 
     @property
     def nbytes(self) -> int:
         """Bytes of its tables."""
-        return sum(array.nbytes for array in (self.starts, self.entries, *self.lines))
+        return sum(array.nbytes for array in (self.starts, self.entries, *self.lines, self.links))
 
 
 @dataclass(frozen=True)
@@ -108,9 +112,8 @@ class LatticeTables:
     factor : texels along the side of a block
     place_bits : bits of an entry for each coordinate of its block or texel; the rest hold the weight
     whole : sums of irradiance and area at all nodes
-    bent : the same and times the normal, at those nodes where normals differ; they are the first nodes of `whole`
-    nodes : how many nodes texels read; those of `whole` after them are only their neighbors
-    links : (h, WIDTH, 4), two of each node: the nodes one step along each direction, and against it
+    bent : the same and times the normal, where normals differ; what nodes texels read there, they are the first of
+        `whole`
     slices : (size, size, 1) the node in whose cube a texel lies, the parity of half its coordinates, and whether the
         texel reads `bent`; 0 for no texel
     """
@@ -121,14 +124,12 @@ class LatticeTables:
     place_bits: int
     whole: Chain
     bent: Chain
-    nodes: int
-    links: NDArray[np.float32]
     slices: NDArray[np.float32]
 
     @property
     def nbytes(self) -> int:
         """Bytes of all tables."""
-        return self.whole.nbytes + self.bent.nbytes + self.links.nbytes + self.slices.nbytes
+        return self.whole.nbytes + self.bent.nbytes + self.slices.nbytes
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ def tables(
     spacing = sigma * (ratio or next(found for limit, found in RATIOS if sigma < limit))
     place_bits = max(11, (size - 1).bit_length())
     points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
-    receives, gives = _bent(points.positions, points.normals, points.areas, sigma)
+    receives, gives = bent(points.positions, points.normals, points.areas, sigma)
     bends = receives[points.of]
 
     base, code, _ = _cubes(positions, spacing)
@@ -198,12 +199,9 @@ def tables(
     some = _corners_of(keys, own[bends], code[bends])
     reads = np.union1d(_corners_of(keys, own, code), some)
     reads = np.union1d(reads, corner)
-    around = _ring(reads)
-    rest = np.setdiff1d(reads, some, assume_unique=True)
-    target = np.concatenate([some, rest, np.setdiff1d(around, reads, assume_unique=True)])
     weights = tetrahedron_weights(place)
     gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
-    whole, links, number = _chain(_ring(around), target, gifts, place_bits, len(reads))
+    whole, number = _chain(reads, np.append(some, np.setdiff1d(reads, some, assume_unique=True)), gifts, place_bits)
     if len(reads) > 1 << NODE_BITS or max(whole.counts) > 1 << LINE_BITS:
         raise LimitError(
             f"sigma {sigma:.2f} mm takes {max(whole.counts)} lattice nodes on this mesh, of which texels read "
@@ -218,15 +216,13 @@ def tables(
         points.areas[near] > 0,
         int(np.searchsorted(near, points.blocks)),
     )
-    bent, _, _ = _chain(_ring(_ring(np.union1d(corner[near], some))), some, gifts, place_bits, 0)
+    turned, _ = _chain(np.union1d(corner[near], some), some, gifts, place_bits)
 
     words = number(keys)[own] | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
     slices = np.zeros(size * size, dtype=np.float32)
     slices[texel] = as_floats(words | BENT * bends)
     left = spacing / np.sqrt(sigma**2 - points.blur)
-    return LatticeTables(
-        spacing, left, factor, place_bits, whole, bent, len(reads), links, slices.reshape(size, size, 1)
-    )
+    return LatticeTables(spacing, left, factor, place_bits, whole, turned, slices.reshape(size, size, 1))
 
 
 def _points(
@@ -272,18 +268,17 @@ def _address(index: Keys, side: int, bits: int) -> NDArray[np.uint32]:
     return (index % side | index // side << bits).astype(np.uint32)
 
 
-def taps(ratio: float, gradients: bool = True) -> tuple[float, ...]:
+def taps(ratio: float) -> tuple[float, ...]:
     """Return the weights of a node and of the pairs 1 to REACH steps along a line, which sum to 1: a Gaussian's.
 
     Four directions together blur by their variance times the squared lattice constant along each axis; the splat does
-    by a twelfth of it.
+    by a twelfth of it, the slice, which knows gradients, by none.
 
     Parameters
     ----------
     ratio : lattice constant over sigma
-    gradients : whether the slice knows them; without, it blurs like the splat
     """
-    variance = KEPT_VARIANCE * (1 / ratio**2 - (1 if gradients else 2) / 12)
+    variance = KEPT_VARIANCE * (1 / ratio**2 - 1 / 12)
     squares = np.arange(REACH + 1) ** 2
     low, high = 0.0, 1.0
     # The variance of the weights rises with that of a neighbor over that of the middle.
@@ -331,7 +326,7 @@ def _spread(keys: Keys, direction: int, within: Keys) -> Keys:
     return np.intersect1d(near, within, assume_unique=True)
 
 
-def _bent(
+def bent(
     positions: Floats, normals: Floats, areas: Floats, sigma: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which points see normals that differ within reach, and which points are within reach of those.
@@ -476,16 +471,17 @@ class _Gifts:
     blocks: int
 
 
-def _chain(
-    universe: Keys, target: Keys, gifts: _Gifts, place_bits: int, linked: int
-) -> tuple[Chain, NDArray[np.float32], Callable[[Keys], Keys]]:
-    """Return the tables of a splat and four blurs, the links of the first `linked` nodes, and what numbers nodes.
+def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chain, Callable[[Keys], Keys]]:
+    """Return the tables of a splat and four blurs, and what numbers the nodes of the last.
 
     Parameters
     ----------
-    universe : ascending keys of all nodes that may hold a value
-    target : keys of the nodes after the last blur, in their order
+    near : ascending keys of nodes; two rings about them may hold a value
+    read : keys of nodes that texels read, in their order
     """
+    around = _ring(np.sort(read))
+    target = np.append(read, np.setdiff1d(around, read, assume_unique=True))
+    universe = _ring(_ring(near))
     flat = gifts.corner.ravel()
     steps = (1 << WORD_BITS - 2 * place_bits) - 1
     quantized = np.rint(gifts.weights.ravel() * steps).astype(np.uint32)
@@ -498,11 +494,10 @@ def _chain(
     starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys)))).astype(np.float32)
 
     order = np.argsort(target, kind="stable")
-    ascending = target[order]
     held = [keys]
     for k in (0, 1, 2):
         held.append(_spread(held[k], k, universe))
-    needed = ascending
+    needed = around
     for k in (3, 2, 1):
         needed = _spread(needed, k, universe)
         held[k] = np.intersect1d(held[k], needed, assume_unique=True)
@@ -511,20 +506,21 @@ def _chain(
     lines = [_words(_line_keys(held[k], k), _line_keys(out, k)) for k, out in enumerate([*held[1:], target])]
 
     def number(keys: Keys) -> Keys:
-        return order[np.searchsorted(ascending, keys)]
+        return order[np.searchsorted(around, keys)]
 
-    links = np.empty((linked, 8), dtype=np.float32)
+    links = np.empty((len(read), 8), dtype=np.float32)
     for k, step in enumerate([*_STEPS, *-_STEPS]):
-        beside = target[:linked] + step
-        place = np.minimum(np.searchsorted(ascending, beside), len(target) - 1)
-        links[:, k] = np.where(ascending[place] == beside, order[place], np.arange(linked))
+        # A ring is about all of them.
+        links[:, k] = number(read + step)
     chain = Chain(
         tuple(map(len, [*held, target])),
+        len(read),
         rows(starts[:, None]),
         rows(as_floats(words)[:, None]),
         tuple(rows(as_floats(line)[:, None]) for line in lines),
+        rows(links.reshape(-1, 4)),
     )
-    return chain, rows(links.reshape(-1, 4)), number
+    return chain, number
 
 
 def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
@@ -545,28 +541,24 @@ def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
 def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:
     """Return the tables as named arrays, as the disk cache keeps them."""
     entry: dict[str, NDArray[Any]] = {
-        "numbers": np.array([tables.spacing, tables.ratio, tables.factor, tables.place_bits, tables.nodes]),
-        "links": tables.links,
+        "numbers": np.array([tables.spacing, tables.ratio, tables.factor, tables.place_bits]),
         "slices": tables.slices,
     }
     for name, chain in (("whole", tables.whole), ("bent", tables.bent)):
-        entry |= {f"{name}_counts": np.array(chain.counts), f"{name}_starts": chain.starts}
-        entry |= {f"{name}_entries": chain.entries}
+        entry |= {f"{name}_counts": np.array([*chain.counts, chain.read]), f"{name}_starts": chain.starts}
+        entry |= {f"{name}_entries": chain.entries, f"{name}_links": chain.links}
         entry |= {f"{name}_lines{k}": array for k, array in enumerate(chain.lines)}
     return entry
 
 
 def unpack(entry: dict[str, NDArray[Any]]) -> LatticeTables:
     """Return the tables that `pack` has taken apart."""
-    whole, bent = (
-        Chain(
-            tuple(map(int, entry[f"{name}_counts"])),
-            entry[f"{name}_starts"],
-            entry[f"{name}_entries"],
-            tuple(entry[f"{name}_lines{k}"] for k in range(4)),
-        )
-        for name in ("whole", "bent")
-    )
+
+    def chain(name: str) -> Chain:
+        *counts, read = map(int, entry[f"{name}_counts"])
+        starts, entries, links = (entry[f"{name}_{what}"] for what in ("starts", "entries", "links"))
+        return Chain(tuple(counts), read, starts, entries, tuple(entry[f"{name}_lines{k}"] for k in range(4)), links)
+
     spacing, ratio, *numbers = map(float, entry["numbers"])
-    factor, place_bits, nodes = map(int, numbers)
-    return LatticeTables(spacing, ratio, factor, place_bits, whole, bent, nodes, entry["links"], entry["slices"])
+    factor, place_bits = map(int, numbers)
+    return LatticeTables(spacing, ratio, factor, place_bits, chain("whole"), chain("bent"), entry["slices"])
