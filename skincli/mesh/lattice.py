@@ -40,7 +40,7 @@ WIDTH = 2048
 #: sigmas between the nodes by which bent surface is found, how long a mean normal says it is not, and how many rings
 #: of such nodes lie within reach of a bent one
 BENT_SPACING = 2.0
-BENT_BELOW = 0.97
+BENT_BELOW = 0.98
 BENT_RINGS = 2
 
 #: lines along which the blur runs, in half lattice constants
@@ -69,7 +69,7 @@ LINE_BITS = WORD_BITS - 2 * REACH - 1
 BLOCKS_PER_SIGMA = 2.2
 
 #: sigmas that a texel may lie from the middle of its block; others give their light by themselves
-BLOCK_REACH = 0.5
+BLOCK_REACH = 0.2
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def tables(
 def _points(
     positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
 ) -> _Points:
-    """Return the blocks of texels that lie together within `reach` of their middle, and all other texels."""
+    """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
     row, column = np.divmod(texel, size)
     side = -(-size // factor)
     block = row // factor * side + column // factor
@@ -241,11 +241,11 @@ def _points(
     total = summed(mass)
     held = np.maximum(total, 1e-300)
     middle = np.stack([summed(mass * axis) / held for axis in positions.T], axis=1)
-    away = np.sum((positions - middle[block]) ** 2, axis=1)
-    wide = summed((away > reach**2).astype(np.float64)) > 0
-    alone = np.flatnonzero(wide[block])
-    good = np.flatnonzero((total > 0) & ~wide)
     mean = np.stack([summed(mass * axis) / held for axis in normals.T], axis=1)
+    away = np.sum((positions - middle[block]) ** 2, axis=1)
+    apart = (summed((away > reach**2).astype(np.float64)) > 0) | (np.linalg.norm(mean, axis=1) < BENT_BELOW)
+    alone = np.flatnonzero(apart[block])
+    good = np.flatnonzero((total > 0) & ~apart)
     of = np.empty(side * side, dtype=np.int64)
     of[good] = np.arange(len(good))
     of = of[block]
