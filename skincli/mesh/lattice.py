@@ -53,6 +53,7 @@ _BIAS = np.int64(1 << (_BITS - 1))
 _ORIGIN = _BIAS * np.int64((1 << 2 * _BITS) + (1 << _BITS) + 1)
 _UNITS = np.array([1 - (1 << 2 * _BITS) - (1 << _BITS), 1 << 2 * _BITS, 1 << _BITS], dtype=np.int64)
 _STEPS = DIRECTIONS @ _UNITS
+_NONE = np.iinfo(np.int64).max
 
 #: bits of a word
 WORD_BITS = 30
@@ -320,10 +321,15 @@ def _ring(keys: Keys) -> Keys:
     return _distinct([keys, *(keys + way * step for way in (-1, 1) for step in _STEPS)])
 
 
+def _common(keys: Keys, others: Keys) -> Keys:
+    """Return those of ascending keys that are among others, which ascend too."""
+    return keys[np.append(others, _NONE)[np.searchsorted(others, keys)] == keys]
+
+
 def _spread(keys: Keys, direction: int, within: Keys) -> Keys:
     """Return those keys of `within`, all ascending, that are up to SPREAD steps along a direction from others."""
     near = _distinct([keys + k * _STEPS[direction] for k in range(-SPREAD, SPREAD + 1)])
-    return np.intersect1d(near, within, assume_unique=True)
+    return _common(near, within)
 
 
 def bent(
@@ -500,7 +506,7 @@ def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chai
     needed = around
     for k in (3, 2, 1):
         needed = _spread(needed, k, universe)
-        held[k] = np.intersect1d(held[k], needed, assume_unique=True)
+        held[k] = _common(held[k], needed)
     # Ascending keys follow the lines of the first direction already.
     held = [keys[np.argsort(_line_keys(keys, k), kind="stable")] for k, keys in enumerate(held)]
     lines = [_words(_line_keys(held[k], k), _line_keys(out, k)) for k, out in enumerate([*held[1:], target])]
@@ -530,7 +536,7 @@ def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
     """
     index = np.searchsorted(held, wanted - REACH)
     words = index.astype(np.uint32)
-    held = np.append(held, np.iinfo(np.int64).max)
+    held = np.append(held, _NONE)
     for k in range(2 * REACH + 1):
         there = held[index] == wanted + (k - REACH)
         words |= there.astype(np.uint32) << np.uint32(LINE_BITS + k)
