@@ -22,8 +22,8 @@ from skincli.errors import LimitError
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-#: lattice constant (edge of the cubic cell) over sigma, for sigmas below so many mm: wide ones have few nodes
-RATIOS = ((1.0, 1.25), (2.0, 1.0), (math.inf, 0.9))
+#: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
+NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 0.9
 
 #: what the taps are given of the variance that they should have: least error on planes and heads, where the end of the
 #: lattice beside the surface cuts what goes far
@@ -70,7 +70,7 @@ LINE_BITS = WORD_BITS - 2 * REACH - 1
 BLOCKS_PER_SIGMA = 2.2
 
 #: sigmas that a texel may lie from the middle of its block; others give their light by themselves
-BLOCK_REACH = 0.2
+BLOCK_REACH = 0.18
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def tables(
     ------
     LimitError : the surface has more nodes than a table can name
     """
-    spacing = sigma * (ratio or next(found for limit, found in RATIOS if sigma < limit))
+    spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
     place_bits = max(11, (size - 1).bit_length())
     points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
     receives, gives = bent(points.positions, points.normals, points.areas, sigma)
