@@ -82,15 +82,29 @@ def arrays(kind: str, key: str, make: Callable[[], Arrays], *, enabled: bool = T
     """
     if not enabled:
         return make()
-    limit = limit_bytes()
-    digest = hashlib.blake2b("\0".join((kind, key, __version__)).encode(), digest_size=16).hexdigest()
-    path = folder() / f"{kind}-{digest}.npz"
-    found = _read(path)
+    found = find(kind, key)
     if found is None:
         found = make()
-        with contextlib.suppress(OSError):
-            _write(path, found, limit)
+        keep(kind, key, found)
     return found
+
+
+def find(kind: str, key: str) -> Arrays | None:
+    """Return the arrays of an entry, see `arrays`, or None where the folder does not hold it whole."""
+    limit_bytes()
+    return _read(_path(kind, key))
+
+
+def keep(kind: str, key: str, entry: Arrays) -> None:
+    """Write an entry, see `arrays`; what cannot be written is not kept."""
+    limit = limit_bytes()
+    with contextlib.suppress(OSError):
+        _write(_path(kind, key), entry, limit)
+
+
+def _path(kind: str, key: str) -> Path:
+    digest = hashlib.blake2b("\0".join((kind, key, __version__)).encode(), digest_size=16).hexdigest()
+    return folder() / f"{kind}-{digest}.npz"
 
 
 def _read(path: Path) -> Arrays | None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 import logging
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,15 +21,15 @@ from skincli.color import srgb_decode
 from skincli.errors import Fault, InputError, LimitError, did_you_mean
 from skincli.files import file_digest
 from skincli.gpu.blocks import Values
-from skincli.gpu.context import get_context
+from skincli.gpu.context import device_info, get_context
 from skincli.gpu.geometry import Geometry
 from skincli.gpu.textures import FORMATS, beyond_memory, read_back
 from skincli.graph.frame_graph import FrameGraph, NodeReport
-from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source
+from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source, module_digest
 from skincli.graph.store import Store
 from skincli.layers.base import Texture
+from skincli.mesh import lattice, windows
 from skincli.mesh.bake import bake
-from skincli.mesh.lattice import LatticeTables, block_factor, pack, tables, unpack
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
 from skincli.mesh.surface import texel_size
@@ -56,7 +59,7 @@ from skincli.passes.specular import Specular, SpecularValues
 from skincli.passes.splat_diffusion import LEAST_SPACING, quads, spacing, splat_nodes, splat_values
 from skincli.passes.stretched_blur import chained
 from skincli.passes.view import View, ViewValues
-from skincli.passes.window import LEAST_SAMPLES, WindowSource, block_node, window_factor, window_node
+from skincli.passes.window import LEAST_SAMPLES, WindowSource, block_node, window_factor, window_nodes
 from skincli.scene.model import Camera, Light
 from skincli.scene.paths import LoadedScene, LoadedSkin
 from skincli.scene.skin import Optics, Skin, Surface
@@ -270,6 +273,7 @@ class Pipeline:
     store : memo to share with other pipelines
     skip : False runs every node and remembers nothing
     exact : what `diffusion: exact` calls; see skincli.reference.texels
+    use_cache : whether tables come from the disk cache; left out, as `skip`
 
     Raises
     ------
@@ -284,6 +288,7 @@ class Pipeline:
         store: Store | None = None,
         skip: bool = True,
         exact: Exact | None = None,
+        use_cache: bool | None = None,
     ) -> None:
         self.loaded = loaded
         self.scene = loaded.scene
@@ -310,6 +315,7 @@ class Pipeline:
         self.atlas_size = (render.atlas_size, render.atlas_size)
         self._require_memory()
         self._skip = skip
+        self._use_cache = skip if use_cache is None else use_cache
         self._store = store or Store()
         self.graph = FrameGraph(self._nodes(), self._store, skip)
 
@@ -534,16 +540,13 @@ class Pipeline:
                     nodes.append(blocks[factor])
                 return blocks[factor]
 
-            for number, width in enumerate(widths):
-                name = f"diffused_{number}"
+            for number, (width, (key, table)) in enumerate(zip(widths, self._tables(before), strict=True)):
+                name, given = f"diffused_{number}", block(table.factor)
                 if width < LEAST_LATTICE:
-                    source = block(window_factor(width, self._texel))
-                    nodes.append(window_node(name, size, source, position, seen, width, self._texel))
+                    nodes += window_nodes(name, size, given, position, normal, seen, width, self._texel, key, table)
                     terms.append(Ref(name, "windowed"))
                 else:
-                    factor = block_factor(width, self._texel)
-                    term = Term(*self._lattice(width, factor, before), (1.0, 1.0, 1.0))
-                    given = block(factor)
+                    term = Term(key, table, (1.0, 1.0, 1.0))
                     nodes += lattice_nodes(name, size, image, position, normal, metric, given, seen, [term])
                     terms.append(Ref(name, "sliced"))
         elif self.method == "sum_of_gaussians":
@@ -597,34 +600,51 @@ class Pipeline:
         """Standard deviations of the Gaussians that are rendered, mm, ascending."""
         profiles = [self._profile(look) for look in range(len(self.looks))]
         if self.method == "lattice":
-            found = levels(profiles, min(LEAST_SAMPLES * self._texel, LEAST_LATTICE), self._spreads)
+            found = levels(profiles, min(LEAST_SAMPLES * self._texel, LEAST_LATTICE), self._spreads, self._texel)
             for look, profile in enumerate(profiles):
                 error = edge_error(profile, found, self._texel / 2) if profile.variances else 0.0
                 _log.info("skin %d: light at an edge is up to %.1f %% off its profile", look, 100 * error)
             return found
         if self.method == "splat":
-            return levels(profiles, LEAST_SPACING * spacing(self._texels), False)
+            return levels(profiles, LEAST_SPACING * spacing(self._texels), False, self._texel)
         if self.method in ("sum_of_gaussians", "screen_space"):
-            return levels(profiles, 0.0, False)
+            return levels(profiles, 0.0, False, self._texel)
         return ()
 
-    def _lattice(self, sigma: float, factor: int, before: Sequence[Node]) -> tuple[str, LatticeTables]:
-        """The lattice's tables of a width, with the key that names them."""
-        size = self.atlas_size[0]
-        key = f"{self.mesh.key} {size} {ATLAS_GUTTER} {sigma!r} {factor}"
+    def _tables(self, before: Sequence[Node]) -> list[tuple[str, Any]]:
+        """For each width the tables of its windows or its lattice, with the key that names them."""
+        # What texels the driver fills, and where they lie, it knows best.
+        driver = "{renderer}, {version}".format(**device_info())
+        about = f"{driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
+        wanted: list[tuple[ModuleType, float, int, str]] = []
+        for width in self._widths:
+            room, factor = (windows, window_factor) if width < LEAST_LATTICE else (lattice, lattice.block_factor)
+            texels = factor(width, self._texel)
+            wanted.append((room, width, texels, f"{about} {module_digest(room.__name__).hex()} {width!r} {texels}"))
 
-        def make() -> dict[str, NDArray[Any]]:
-            # What texels the driver fills, and where they lie, it knows best.
+        def kind(room: ModuleType) -> str:
+            return room.__name__.rpartition(".")[2]
+
+        kept = [diskcache.find(kind(room), key) if self._use_cache else None for room, _, _, key in wanted]
+        missing = [place for place, entry in enumerate(kept) if entry is None]
+        if missing:
             refs = [Ref("atlas", output) for output in ("position", "frame_n", "metric")]
             found = FrameGraph(before, self._store).run(refs)
-            position, normal, metric = (
-                read_back(found[ref])[::-1].reshape(size * size, 4).astype(np.float64) for ref in refs
-            )
-            texel = np.flatnonzero(position[:, 3] > 0)
-            at = position[texel, :3]
-            return pack(tables(at, normal[texel, :3], metric[texel, 0], texel, size, sigma, factor))
+            position, normal, metric = (read_back(found[ref])[::-1].reshape(-1, 4).astype(np.float64) for ref in refs)
+            own = np.flatnonzero(position[:, 3] > 0)
+            surface = position[own, :3], normal[own, :3], metric[own, 0], own, self.atlas_size[0]
+            del position, normal, metric
 
-        return key, unpack(diskcache.arrays("lattice", key, make, enabled=self._skip))
+            def make(place: int) -> None:
+                room, width, factor, key = wanted[place]
+                kept[place] = entry = room.pack(room.tables(*surface, width, factor))
+                if self._use_cache:
+                    diskcache.keep(kind(room), key, entry)
+
+            # The widest have the fewest nodes: the longest work first.
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                list(pool.map(make, missing))
+        return [(key, room.unpack(entry)) for (room, _, _, key), entry in zip(wanted, kept, strict=True)]
 
     @cached_property
     def _texels(self) -> Texels:

@@ -370,7 +370,7 @@ class Sweep:
         points = grid(self.full)
         finest = max(int(settings["atlas"]) for _, settings in points)
         reference = Reference(self, finest)
-        free(self.store)
+        free(self.store, but_dear=True)
         size = self.make().scene.render.size
         found = Found(
             {
@@ -378,7 +378,7 @@ class Sweep:
                 "size": [size[0], size[1]],
                 "reference": f"exact, atlas {finest}, terms {REFERENCE_TERMS}",
                 "pixels": int(reference.mask.sum()),
-                "part_pixels": len(reference.part),
+                "part_pixels": len(reference.part[0]),
                 "rounds": ROUNDS,
             }
         )
@@ -387,19 +387,19 @@ class Sweep:
         side = 0
         for number, (method, settings) in enumerate(sorted(points, key=lambda point: (point[1]["atlas"], point[0]))):
             # Spread over the sweep, since what else the machine does changes.
-            if number % max(1, len(points) // ROUNDS) == 0:
+            if number % math.ceil(len(points) / ROUNDS) == 0:
                 self.time_paper()
             if settings["atlas"] != side:
                 # Points of one atlas share what its textures hold.
                 side = int(settings["atlas"])
-                free(self.store)
+                free(self.store, but_dear=True)
             picture, stage, shown = self._measure(reference, method, settings)
             pictures.append(picture)
             stages += [stage] if stage is not None else []
             found.shown[picture.name] = shown
-        free(self.store)
+        free(self.store, but_dear=True)
         found.points = [*marked(pictures), *marked(stages), *self._supersampling()]
-        free(self.store)
+        free(self.store, but_dear=True)
         found.notes["picture"] = (
             f"the frame when lights and camera move, against {found.scene['reference']}, all at one sample a pixel; "
             f"an atlas of {finest} has no sampling error to be seen, since the reference has it too"
@@ -430,10 +430,10 @@ class Sweep:
         pipeline = self.pipeline(*_sets(method, settings))
         shown, picture = reference.errors(pipeline)
         in_atlas, filtered, sampled = reference.told_apart(pipeline, int(settings["atlas"]))
-        ms, nodes = self.times(pipeline), self.node_times(pipeline)
-        point = Point("picture", method, settings, ms, picture, filtered, sampled)
+        point = Point("picture", method, settings, self.times(pipeline), picture, filtered, sampled)
         if in_atlas is None:
             return point, None, shown
+        nodes = self.node_times(pipeline)
         own = sum(value for name, value in nodes.items() if name.startswith(("incoming", "diffused", "coverage")))
         return point, Point("diffusion", method, settings, Spread.of([own]), in_atlas), shown
 
@@ -463,11 +463,13 @@ class Sweep:
             return pipeline, pipeline.run(["beauty", "depth"])
 
         best = rendered(4)[1]
+        free(self.store, but_dear=True)
         inside = best["depth"][..., 0] > 0
         points = []
         for samples in (1, 2, 3):
             pipeline, picture = rendered(samples)
             ms = self.times(pipeline, lights=False)
+            free(self.store, but_dear=True)
             errors = Errors.of(picture["beauty"][..., :3], best["beauty"][..., :3], inside)
             points.append(Point("supersampling", "box", {"samples": samples}, ms, errors))
         return marked(points)
@@ -548,7 +550,8 @@ class Reference:
         beauty, _ = self._rendered(exact)
         seen = SeenTexels(self._uv[self.part], size).read.reshape(size, size)[::-1]
         light, owner = _read(exact, Ref("diffused", "blurred"), Ref("atlas", "position"))
-        return beauty[self.part], light[..., :3], seen & (owner[..., 3] > 0)
+        # A copy, since a part of an array holds all of it.
+        return beauty[self.part], light[..., :3].copy(), seen & (owner[..., 3] > 0)
 
     @staticmethod
     def _rendered(pipeline: Pipeline) -> tuple[Array, NDArray[np.float32]]:

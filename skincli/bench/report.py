@@ -21,6 +21,9 @@ from skincli.render import report_document
 
 Rows = Sequence[Mapping[str, Any]]
 
+#: of bench.json: another one where a reader of the last would go wrong
+FORMAT = 1
+
 
 def document(
     stages: Sequence[StageError] = (),
@@ -36,6 +39,7 @@ def document(
     """Return the JSON document; what was not measured is empty."""
     machine = report_document([])
     return {
+        "bench": FORMAT,
         "device": {**machine["device"], "cores": os.cpu_count()},
         "versions": machine["versions"],
         "stages": [error.entry() for error in stages],

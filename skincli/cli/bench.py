@@ -137,8 +137,9 @@ def measure(
 def compare(ctx: click.Context, old: Path, new: Path) -> None:
     """Tell what became better or worse from OLD to NEW, each a bench.json or the folder that holds one.
 
-    Times are compared as ratios to the seed paper's method in the same run. Ends with exit code 1 where an error grew
-    by more than 5 %, or such a ratio by more than 25 %.
+    Times are compared as ratios to the seed paper's method in the same run; those of --diffusion, which has none, where
+    both ran on the same device. Ends with exit code 1 where an error or the size of tables grew by more than 5 %, or a
+    time by more than 25 %.
     """
     from skincli.bench import compare
 

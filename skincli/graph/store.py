@@ -89,8 +89,8 @@ class Store:
                 self.pool.release(texture)
         self.pool.trim(max(self.budget - total, 0))
 
-    def clear(self) -> None:
-        """Forget everything and free its memory."""
+    def clear(self, but_dear: bool = False) -> None:
+        """Forget everything, or all but what was drawn and is dear, and free its memory."""
         budget, self.budget = self.budget, 0
-        self.evict(())
+        self.evict(self._dear - self._owned if but_dear else ())
         self.budget = budget

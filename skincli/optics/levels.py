@@ -22,20 +22,41 @@ MERGED = 1.1
 MAX_LEVELS = 12
 """Beyond this many levels, more are merged."""
 
-TOLERATED = 0.01
+TOLERATED = 0.05
 """Terms narrower than any level stay where they are if no more of the narrowest would stand for their variance."""
+
+NEIGHBORS = 8
+"""Samples on each side over which a narrow Gaussian is summed; wider ones keep their variance to more than 1e-7."""
 
 POINTS, SUM_ROW, MOMENT_ROW = 96, 1e4, 1e2
 """Distances at which edge responses are compared; how much heavier the sum and the second moment count."""
 
 
-def levels(sums: Sequence[GaussianSum], narrowest: float, spread: bool) -> tuple[float, ...]:
+def sampled(variances: Floats, step: float) -> Floats:
+    """Return the variances that Gaussians have when they are summed over samples, mm².
+
+    One far narrower than their distance stays at its own sample.
+
+    Parameters
+    ----------
+    variances : any shape, mm², >= 0
+    step : mm, > 0, from sample to sample
+    """
+    ratio = np.asarray(variances, dtype=np.float64) / step**2
+    k = np.arange(1, NEIGHBORS + 1)
+    beside = np.exp(-(k**2) / (2 * np.clip(ratio, 1e-3, 2.0)[..., None]))
+    found = 2 * (beside @ k**2.0) / (1 + 2 * beside.sum(axis=-1))
+    return np.where(ratio < 2, found, ratio) * step**2
+
+
+def levels(sums: Sequence[GaussianSum], narrowest: float, spread: bool, step: float) -> tuple[float, ...]:
     """Return the standard deviations to render, mm, ascending; light that stays where it is comes besides.
 
     Parameters
     ----------
     sums : of all skins
     narrowest : mm, below which nothing can be rendered
+    step : mm, > 0, from sample to sample of the light
     spread : whether the scattering radius varies: then wider levels serve up to MAX_SPREAD
     """
     widths = np.sort(np.sqrt([variance for one in sums for variance in one.variances]))
@@ -48,7 +69,7 @@ def levels(sums: Sequence[GaussianSum], narrowest: float, spread: bool) -> tuple
         widths = np.sort(np.concatenate([widths, reach / 2.0 ** np.arange(max(steps, 1))]))
     found = widths[widths >= narrowest]
     if narrowest > 0 and (not len(found) or found[0] > MERGED * narrowest):
-        narrow = [_shares(one) * np.array(one.variances)[:, None] for one in sums]
+        narrow = [_shares(one) * sampled(np.array(one.variances), step)[:, None] for one in sums]
         missed = [moment[np.array(one.variances) < narrowest**2] for one, moment in zip(sums, narrow, strict=True)]
         if max(float(one.max(initial=0.0)) for one in missed) > TOLERATED * narrowest**2:
             found = np.append(narrowest, found)
@@ -73,7 +94,7 @@ def spread_weights(profile: GaussianSum, widths: Sequence[float], nearest: float
     ----------
     profile : normalized here
     widths : (k,) of `levels`, mm
-    nearest : mm, > 0; distances below it are not told apart
+    nearest : mm, > 0; distances below it are not told apart: half the distance of the light's samples
     steps : 1 for the profile as it is, or columns for squared ratios from 0 to MAX_SPREAD²
 
     Returns
@@ -92,7 +113,7 @@ def spread_weights(profile: GaussianSum, widths: Sequence[float], nearest: float
     x = np.geomspace(nearest, max(2 * nearest, 4 * widths[-1]), POINTS)
     basis = np.column_stack([np.ones(POINTS), ndtr(x[:, None] / np.array(widths))])
     for column, ratio in enumerate(ratios):
-        wanted = np.minimum(np.array(profile.variances) * ratio, variances[-1])
+        wanted = np.minimum(sampled(np.array(profile.variances) * ratio, 2 * nearest), variances[-1])
         edge = ndtr(x[:, None] / np.sqrt(np.maximum(wanted, 1e-30))) @ shares
         moments = wanted @ shares
         for channel in colored:
@@ -120,7 +141,8 @@ def edge_error(profile: GaussianSum, widths: Sequence[float], nearest: float) ->
     x = nearest * np.geomspace(1, 1e3, 200)
     mixed = weights[0] + ndtr(x[:, None] / np.array(widths)) @ weights[1:]
     shares = _shares(profile)
-    exact = ndtr(x[:, None] / np.sqrt(profile.variances)) @ shares + 1 - shares.sum(axis=0)
+    wanted = np.maximum(sampled(np.array(profile.variances), 2 * nearest), 1e-30)
+    exact = ndtr(x[:, None] / np.sqrt(wanted)) @ shares + 1 - shares.sum(axis=0)
     return float(np.abs(mixed - exact).max())
 
 

@@ -55,6 +55,9 @@ PRODUCTS_AT_ONCE = 1 << 18
 """Products of a matrix multiplication that fit a processor's cache, and for which a library starts no threads of its
 own: these would wait for each other."""
 
+BLOCKS_AT_ONCE = 16
+"""Of such products that are made in one call: less of Python, for which threads wait as well."""
+
 LEAST_FACING = 1e-12
 """Share of the kernel's mass below which what is left after the weight is rounding."""
 
@@ -173,22 +176,26 @@ class Light:
         def gather(group: Indices) -> None:
             center = targets[group].mean(axis=0)
             # Distances about the group's center keep their digits wherever the mesh lies.
-            x = targets[group] - center
-            square = np.sum(x * x, axis=1)
-            near = grid.near(center, reach + math.sqrt(square.max()))
+            x = np.concatenate([targets[group] - center, np.ones((len(group), 1))], axis=1)
+            near = grid.near(center, reach + math.sqrt(np.sum(x[:, :3] ** 2, axis=1).max()))
             if not len(near):
                 near = np.array([grid.tree.query(center)[1]])
-            y, moments = grid.positions[near] - center, grid.moments[near]
-            square_y = np.sum(y * y, axis=1)
-            step = max(1, PRODUCTS_AT_ONCE // moments.size)
-            for first in range(0, len(group), step):
-                rows, here = group[first : first + step], slice(first, first + step)
-                away = square[here, None] + square_y - 2 * x[here] @ y.T
+            y, moments = (grid.positions[near] - center) / sigma**2, grid.moments[near]
+            # The logarithm of the Gaussian, but for what all samples of a target have in common.
+            y = np.concatenate([y.T, [np.sum(y * y, axis=1) * (-(sigma**2) / 2)]])
+            block = max(1, PRODUCTS_AT_ONCE // moments.size)
+            for first in range(0, len(group), BLOCKS_AT_ONCE * block):
+                rows = np.arange(first, min(first + BLOCKS_AT_ONCE * block, len(group)))
+                # The last block is filled up with what is known already.
+                rows = np.resize(rows, (math.ceil(len(rows) / block), block))
+                kernel = x[rows] @ y
                 # A factor that drops out keeps the nearest sample where the Gaussian has long vanished.
-                kernel = np.exp((away - away.min(axis=1, keepdims=True)) / (-2 * sigma**2))
-                gathered = (kernel @ moments).reshape(-1, 4, self._channels)
-                sums[rows] = np.einsum("mk,mkc->mc", faces[rows], gathered)
-                faced[rows] = gathered[:, 0, -1]
+                kernel -= kernel.max(axis=2, keepdims=True)
+                np.exp(kernel, out=kernel)
+                gathered = (kernel @ moments).reshape(*rows.shape, 4, self._channels)
+                rows = group[rows]
+                sums[rows] = np.einsum("bmk,bmkc->bmc", faces[rows], gathered)
+                faced[rows] = gathered[:, :, 0, -1]
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for _ in pool.map(gather, _groups(targets, width)):

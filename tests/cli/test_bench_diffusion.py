@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,6 +84,38 @@ def test_the_diffusion_is_measured(tmp_path: Path) -> None:
     text = (tmp_path / "bench.txt").read_text("utf-8")
     assert text == report.as_text(document) + "\n"
     assert "The diffusion by itself" in (tmp_path / "bench.html").read_text("utf-8")
+
+    def compared(change: Callable[[dict[str, Any]], None]) -> Result:
+        other = copy.deepcopy(document)
+        change(other)
+        (tmp_path / "other.json").write_text(json.dumps(other))
+        return CliRunner().invoke(root, ["bench", "compare", str(tmp_path), str(tmp_path / "other.json")])
+
+    same = compared(lambda _: None)
+    assert same.exit_code == 0, same.output
+    # Of each row filter, p99, maximum, seam, sampling; of each layout constant, tables, three steps, build, frame.
+    assert f"{24 * 5 + 2 * 7 + 3} numbers compared, 0 worse" in same.stdout
+
+    def worsen(other: dict[str, Any]) -> None:
+        other["surfaces"]["rows"][0]["seam"] *= 1.06
+        other["surfaces"]["layouts"][1]["frame"]["median"] *= 1.3
+        other["surfaces"]["layouts"][0]["build_s"] *= 1.2
+        other["surfaces"]["pictures"][2]["flip"] = math.nan
+
+    worse = compared(worsen)
+    assert worse.exit_code == 1
+    found_worse = [line.split()[:-5] for line in worse.stdout.splitlines() if line.endswith("WORSE")]
+    assert found_worse == [
+        ["ring:", "other", "frame", "ms"],
+        ["ring:", "own:", "checker:", "0.75", "mm", "seam"],
+        ["ring:", "subdivided", "flip"],
+    ]
+    # Times of another machine say nothing.
+    document["device"]["cores"] += 1
+    assert ", 2 worse" in compared(worsen).stdout
+    finer = compared(lambda other: other["surfaces"]["layouts"][0].update(atlas=256))
+    assert finer.exit_code == 3
+    assert "ring: own: atlas: 128 in OLD, 256 in NEW" in finer.stderr
 
 
 @pytest.mark.usefixtures("small")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,6 +129,39 @@ def test_a_pick_that_does_not_hold_again_ends_with_exit_code_1(scene: Path, monk
 )
 def test_words_that_do_not_go_together_are_usage_errors(words: list[str]) -> None:
     assert CliRunner().invoke(root, ["bench", *words]).exit_code == 2
+
+
+EMPTY: dict[str, Any] = {"sweep": None, "stages": [], "surfaces": None}
+SWEPT: dict[str, Any] = {"scene": {"triangles": 8, "size": [4, 3], "reference": "exact"}, "points": []}
+DIFFUSED: dict[str, Any] = {
+    "points": 9,
+    "rows": [],
+    "layouts": [],
+    "pictures": [{"mesh": "a", "changed": "b", "flip": 0.0}],
+}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ({"frames": []}, {}, "no report of a bench"),
+        ({"bench": 2}, {}, "a report of format 2; format 1 is read"),
+        ({"bench": 1, **EMPTY}, {}, "nothing that is compared"),
+        ({"surfaces": DIFFUSED}, {"sweep": SWEPT}, "OLD holds the diffusion by itself, NEW a scene's sweep"),
+        ({"sweep": SWEPT}, {"sweep": {"scene": {**SWEPT["scene"], "triangles": 9}}}, "triangles: 8 in OLD, 9 in NEW"),
+        ({"surfaces": DIFFUSED}, {"surfaces": {**DIFFUSED, "points": 5}}, "points: 9 in OLD, 5 in NEW"),
+    ],
+)
+def test_benches_that_cannot_be_compared_are_refused(
+    old: dict[str, Any], new: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    whole: dict[str, Any] = {"bench": 1, **EMPTY, "device": {}}
+    for name, found in (("old", old), ("new", new)):
+        is_part = not found.keys() & {"bench", "frames"}
+        (tmp_path / f"{name}.json").write_text(json.dumps({**whole, **found} if is_part else found))
+    done = CliRunner().invoke(root, ["bench", "compare", str(tmp_path / "old.json"), str(tmp_path / "new.json")])
+    assert done.exit_code == 3
+    assert says in done.stderr
 
 
 def test_a_negative_error_is_a_usage_error(scene: Path) -> None:

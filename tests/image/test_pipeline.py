@@ -11,6 +11,7 @@ import pytest
 from skincli.gpu.counters import COUNTERS
 from skincli.mesh.model import Mesh, Part
 from skincli.metrics import flip
+from skincli.passes.lattice import LatticeGradient
 from skincli.pipeline import OUTPUTS, Pipeline, load_scene_mesh
 from skincli.scene.model import Camera
 from skincli.scene.paths import LoadedScene
@@ -105,7 +106,9 @@ def test_a_moved_camera_keeps_the_light_in_the_skin(pipeline: Make) -> None:
     moved = made.run(["beauty"])["beauty"]
     states = {report.name: report.state for report in made.reports}
     # What the camera sees is brought from the lattice to the texels anew; the lattice keeps its light.
-    kept = {"atlas", "irradiance", "diffused_1_0_gradient", "skin0_maps", "skin0_slope", "environment"}
+    kept = {"atlas", "irradiance", "skin0_maps", "skin0_slope", "environment"}
+    kept |= {node.name for node in made.graph.nodes.values() if isinstance(node, LatticeGradient)}
+    assert len(kept) > 5
     assert all(states[name] == "reused" for name in kept)
     assert states["view"] == "ran"
     fresh = pipeline("camera.position=[-150, 20, 580]").run(["beauty"])["beauty"]
@@ -267,6 +270,16 @@ def test_large_pictures_do_not_push_the_maps_out_of_the_memo(pipeline: Make, mon
     states = {report.name: report.state for report in made.reports}
     assert {states[name] for name in ("skin0_maps", "skin0_site", "environment")} == {"reused"}
     assert states["view"] == "ran"
+
+
+def test_maps_alone_may_be_kept(pipeline: Make) -> None:
+    made = pipeline("render.atlas=64", "skin.size=64")
+    expected = made.run(["beauty"])["beauty"]
+    made.graph.store.clear(but_dear=True)
+    np.testing.assert_array_equal(made.run(["beauty"])["beauty"], expected)
+    states = {report.name: report.state for report in made.reports}
+    assert {states[name] for name in ("skin0_maps", "skin0_site")} == {"reused"}
+    assert {states[name] for name in ("environment", "atlas", "view")} == {"ran"}
 
 
 def test_parts_that_share_the_texture_square_have_patterns_of_their_own(

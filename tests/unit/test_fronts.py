@@ -25,6 +25,7 @@ from skincli.bench.fronts import (
     marked,
     pareto,
 )
+from skincli.bench.report import FORMAT
 from skincli.bench.timing import Spread
 from skincli.errors import InputError, LimitError
 from skincli.scene.model import ATLAS_OF_QUALITY, TERMS_OF_QUALITY, Quality
@@ -113,7 +114,8 @@ def bench(points: list[Point]) -> dict[str, Any]:
     sweep.levels = levels_of_quality(sweep.points)
     stage = {"node": "diffused", "shading": "paper", "rms": 1e-4, "scale": 1.0}
     device = {"renderer": "a <device>", "version": "4.5 & more", "software": True, "cores": 2}
-    return {"device": device, "versions": {"skincli": "1"}, "stages": [stage], "sweep": sweep.entry()}
+    found = {"bench": FORMAT, "device": device, "versions": {"skincli": "1"}, "surfaces": None}
+    return {**found, "stages": [stage], "sweep": sweep.entry()}
 
 
 def test_a_bench_is_not_worse_than_itself() -> None:
