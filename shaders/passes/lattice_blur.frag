@@ -3,5 +3,5 @@
 
 void main() {
     int node = own_index();
-    blurred = node < p.nodes ? blurred_line(image, line_of(at(lines, node).r)) : vec4(0.0);
+    blurred = node < p.nodes ? blurred_line(image, word(at(lines, node).r)) : vec4(0.0);
 }

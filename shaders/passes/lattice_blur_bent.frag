@@ -7,7 +7,7 @@ void main() {
     if (node >= p.nodes) {
         return;
     }
-    Line line = line_of(at(lines, node).r);
+    uint line = word(at(lines, node).r);
     one = blurred_line(image_one, line);
     x = blurred_line(image_x, line);
     y = blurred_line(image_y, line);

@@ -59,10 +59,12 @@ void main() {
     // Where normals differ, with w = (1 + n . n') / 2, which is of rank four: so that light on the one side of an ear
     // does not reach the other side.
     vec4 total = vec4(0.0);
-    vec3 N = fetch(normal, texel).xyz;
-    for (int k = 0; k < (bent ? 4 : 0); ++k) {
-        vec4 turned = N.x * at(x, node[k]) + N.y * at(y, node[k]) + N.z * at(z, node[k]);
-        total += weight[k] * (at(one, node[k]) + turned);
+    vec4 factors = vec4(1.0, fetch(normal, texel).xyz);
+    for (int k = 0; k < (bent ? 16 : 0); ++k) {
+        int corner = k >> 2;
+        int place = (k & 3) * p.bent + node[corner];
+        mat4 sum_and_change = mat4(at(sums, place), at(along_x, place), at(along_y, place), at(along_z, place));
+        total += weight[corner] * factors[k & 3] * (sum_and_change * from[corner]);
     }
     sum += total.a > 0.0 ? vec4(total.rgb / total.a, 1.0) : vec4(0.0);
     sliced = sum * vec4(p.weight, p.share);

@@ -10,6 +10,7 @@ with their gradients, and tables that keep each line of nodes contiguous.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,11 +23,16 @@ Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 #: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
-NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 1.0
+NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 0.9
 
-#: what the taps are given of the variance that they should have, and of a Gaussian's fourth moment at a ratio of 1 and
-#: for each 1 more: least error on planes, where gradients in cells and the end of the blur at the ring sharpen a bit
-KEPT_VARIANCE, KEPT_FOURTH, MORE_FOURTH = 0.98, 0.92, 0.24
+#: what the taps are given of the variance that they should have: least error on planes and heads, where the end of the
+#: lattice beside the surface cuts what goes far
+KEPT_VARIANCE = 0.98
+
+#: nodes on either side of a node that the blur along a line reads; and how many steps far nodes are kept for it, along
+#: the line and from the nodes that texels read
+REACH = 3
+SPREAD = 2
 
 #: texels of a row in all tables and node textures, a power of two
 WIDTH = 2048
@@ -34,7 +40,7 @@ WIDTH = 2048
 #: sigmas between the nodes by which bent surface is found, how long a mean normal says it is not, and how many rings
 #: of such nodes lie within reach of a bent one
 BENT_SPACING = 2.0
-BENT_BELOW = 0.97
+BENT_BELOW = 0.98
 BENT_RINGS = 2
 
 #: lines along which the blur runs, in half lattice constants
@@ -46,6 +52,8 @@ _MASK = np.int64((1 << _BITS) - 1)
 _BIAS = np.int64(1 << (_BITS - 1))
 _ORIGIN = _BIAS * np.int64((1 << 2 * _BITS) + (1 << _BITS) + 1)
 _UNITS = np.array([1 - (1 << 2 * _BITS) - (1 << _BITS), 1 << 2 * _BITS, 1 << _BITS], dtype=np.int64)
+_STEPS = DIRECTIONS @ _UNITS
+_NONE = np.iinfo(np.int64).max
 
 #: bits of a word
 WORD_BITS = 30
@@ -54,39 +62,42 @@ WORD_BITS = 30
 NODE_BITS = 22
 BENT = 1 << NODE_BITS + 3
 
-#: bits of a word of `lines` before the five that say which nodes exist
-LINE_BITS = 25
+#: bits of a word of `lines` before those that say which nodes of a line exist
+LINE_BITS = WORD_BITS - 2 * REACH - 1
 
 #: texels along the side of a block are the power of two by which it stays below sigma over this: wider ones move the
 #: light at its edges by more than all else errs
 BLOCKS_PER_SIGMA = 2.2
 
 #: sigmas that a texel may lie from the middle of its block; others give their light by themselves
-BLOCK_REACH = 0.5
+BLOCK_REACH = 0.18
 
 
 @dataclass(frozen=True)
 class Chain:
-    """From texels to blurred nodes: a splat and four blurs, as (h, WIDTH, 1) float32, first row first.
+    """From texels to blurred nodes: a splat and four blurs, as (h, WIDTH, 1) float32, first row first, and `links`.
 
     Parameters
     ----------
-    nodes, kept : how many there are before and after the last of the four directions
+    counts : nodes of the splat and of each blur; between, only those that are reached and from which others are
+    read : how many of the last nodes texels read; those after them are only their neighbors
     starts : for each node its first entry of a block and its first of a texel; and where the last ends
     entries : place and weight of each contribution, by node
-    lines : per direction: where a node's line goes on in the previous texture, and which of its five nodes exist
+    lines : per direction and node: where the nodes of its line begin in the previous texture, and which there are
+    links : (h, WIDTH, 4), two of each node that texels read: the nodes one step along each direction, and against it
     """
 
-    nodes: int
-    kept: int
+    counts: tuple[int, ...]
+    read: int
     starts: NDArray[np.float32]
     entries: NDArray[np.float32]
     lines: tuple[NDArray[np.float32], ...]
+    links: NDArray[np.float32]
 
     @property
     def nbytes(self) -> int:
         """Bytes of its tables."""
-        return sum(array.nbytes for array in (self.starts, self.entries, *self.lines))
+        return sum(array.nbytes for array in (self.starts, self.entries, *self.lines, self.links))
 
 
 @dataclass(frozen=True)
@@ -102,9 +113,8 @@ class LatticeTables:
     factor : texels along the side of a block
     place_bits : bits of an entry for each coordinate of its block or texel; the rest hold the weight
     whole : sums of irradiance and area at all nodes
-    bent : the same and times the normal, at those nodes where normals differ; they are the first nodes of `whole`
-    nodes : how many nodes texels read; those of `whole` after them are only their neighbors
-    links : (h, WIDTH, 4), two of each node: the nodes one step along each direction, and against it
+    bent : the same and times the normal, where normals differ; what nodes texels read there, they are the first of
+        `whole`
     slices : (size, size, 1) the node in whose cube a texel lies, the parity of half its coordinates, and whether the
         texel reads `bent`; 0 for no texel
     """
@@ -115,14 +125,12 @@ class LatticeTables:
     place_bits: int
     whole: Chain
     bent: Chain
-    nodes: int
-    links: NDArray[np.float32]
     slices: NDArray[np.float32]
 
     @property
     def nbytes(self) -> int:
         """Bytes of all tables."""
-        return self.whole.nbytes + self.bent.nbytes + self.links.nbytes + self.slices.nbytes
+        return self.whole.nbytes + self.bent.nbytes + self.slices.nbytes
 
 
 @dataclass(frozen=True)
@@ -192,17 +200,14 @@ def tables(
     some = _corners_of(keys, own[bends], code[bends])
     reads = np.union1d(_corners_of(keys, own, code), some)
     reads = np.union1d(reads, corner)
-    if len(reads) >= 1 << NODE_BITS:
-        raise LimitError(
-            f"sigma {sigma:.2f} mm takes {len(reads)} lattice nodes on this mesh; at most {1 << NODE_BITS} are "
-            "allowed; choose a larger optics.radius"
-        )
-    around = _ring(reads)
-    rest = np.setdiff1d(reads, some, assume_unique=True)
-    target = np.concatenate([some, rest, np.setdiff1d(around, reads, assume_unique=True)])
     weights = tetrahedron_weights(place)
     gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
-    whole, links, number = _chain(around, target, gifts, place_bits, len(reads))
+    whole, number = _chain(reads, np.append(some, np.setdiff1d(reads, some, assume_unique=True)), gifts, place_bits)
+    if len(reads) > 1 << NODE_BITS or max(whole.counts) > 1 << LINE_BITS:
+        raise LimitError(
+            f"sigma {sigma:.2f} mm takes {max(whole.counts)} lattice nodes on this mesh, of which texels read "
+            f"{len(reads)}; at most {1 << LINE_BITS} and {1 << NODE_BITS} are allowed; choose a larger optics.radius"
+        )
 
     near = np.flatnonzero(gives)
     gifts = _Gifts(
@@ -212,24 +217,19 @@ def tables(
         points.areas[near] > 0,
         int(np.searchsorted(near, points.blocks)),
     )
-    turned, _, _ = _chain(_ring(np.union1d(corner[near], some)), some, gifts, place_bits, 0)
+    turned, _ = _chain(np.union1d(corner[near], some), some, gifts, place_bits)
 
-    words = (
-        number[np.searchsorted(around, keys)][own]
-        | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
-    )
+    words = number(keys)[own] | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
     slices = np.zeros(size * size, dtype=np.float32)
     slices[texel] = as_floats(words | BENT * bends)
     left = spacing / np.sqrt(sigma**2 - points.blur)
-    return LatticeTables(
-        spacing, left, factor, place_bits, whole, turned, len(reads), links, slices.reshape(size, size, 1)
-    )
+    return LatticeTables(spacing, left, factor, place_bits, whole, turned, slices.reshape(size, size, 1))
 
 
 def _points(
     positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
 ) -> _Points:
-    """Return the blocks of texels that lie together within `reach` of their middle, and all other texels."""
+    """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
     row, column = np.divmod(texel, size)
     side = -(-size // factor)
     block = row // factor * side + column // factor
@@ -242,11 +242,11 @@ def _points(
     total = summed(mass)
     held = np.maximum(total, 1e-300)
     middle = np.stack([summed(mass * axis) / held for axis in positions.T], axis=1)
-    away = np.sum((positions - middle[block]) ** 2, axis=1)
-    wide = summed((away > reach**2).astype(np.float64)) > 0
-    alone = np.flatnonzero(wide[block])
-    good = np.flatnonzero((total > 0) & ~wide)
     mean = np.stack([summed(mass * axis) / held for axis in normals.T], axis=1)
+    away = np.sum((positions - middle[block]) ** 2, axis=1)
+    apart = (summed((away > reach**2).astype(np.float64)) > 0) | (np.linalg.norm(mean, axis=1) < BENT_BELOW)
+    alone = np.flatnonzero(apart[block])
+    good = np.flatnonzero((total > 0) & ~apart)
     of = np.empty(side * side, dtype=np.int64)
     of[good] = np.arange(len(good))
     of = of[block]
@@ -269,22 +269,25 @@ def _address(index: Keys, side: int, bits: int) -> NDArray[np.uint32]:
     return (index % side | index // side << bits).astype(np.uint32)
 
 
-def taps(ratio: float, gradients: bool = True) -> tuple[float, float, float]:
-    """Return the weights of a node and of the first and second pair along a line, which sum to 1.
+def taps(ratio: float) -> tuple[float, ...]:
+    """Return the weights of a node and of the pairs 1 to REACH steps along a line, which sum to 1: a Gaussian's.
 
     Four directions together blur by their variance times the squared lattice constant along each axis; the splat does
-    by a twelfth of it.
+    by a twelfth of it, the slice, which knows gradients, by none.
 
     Parameters
     ----------
     ratio : lattice constant over sigma
-    gradients : whether the slice knows them; without, it blurs like the splat
     """
-    variance = KEPT_VARIANCE * (1 / ratio**2 - (1 if gradients else 2) / 12)
-    fourth = (KEPT_FOURTH + MORE_FOURTH * (ratio - 1)) * 3 * variance**2
-    far = (fourth - variance) / 24
-    near = variance / 2 - 4 * far
-    return 1 - 2 * (near + far), near, far
+    variance = KEPT_VARIANCE * (1 / ratio**2 - 1 / 12)
+    squares = np.arange(REACH + 1) ** 2
+    low, high = 0.0, 1.0
+    # The variance of the weights rises with that of a neighbor over that of the middle.
+    while high - low > 1e-12:
+        share = (low + high) / 2
+        weights = share**squares / (2 * np.sum(share**squares) - 1)
+        low, high = (share, high) if 2 * weights @ squares < variance else (low, share)
+    return tuple(weights.tolist())
 
 
 def coordinates(keys: Keys) -> Floats:
@@ -306,12 +309,27 @@ def _numbered(keys: Keys) -> tuple[Keys, Keys]:
     return ordered[new], node.reshape(keys.shape)
 
 
+def _distinct(parts: Sequence[Keys]) -> Keys:
+    """Return the keys of ascending parts, each once, ascending."""
+    # Merging ascending runs is what a stable sort is good at.
+    every = np.sort(np.concatenate(parts), kind="stable")
+    return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
+
+
 def _ring(keys: Keys) -> Keys:
     """Return ascending keys with all their neighbors."""
-    steps = DIRECTIONS @ _UNITS
-    # Merging ascending runs is what a stable sort is good at.
-    every = np.sort(np.concatenate([keys, *(keys + s for s in steps), *(keys - s for s in steps)]), kind="stable")
-    return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
+    return _distinct([keys, *(keys + way * step for way in (-1, 1) for step in _STEPS)])
+
+
+def _common(keys: Keys, others: Keys) -> Keys:
+    """Return those of ascending keys that are among others, which ascend too."""
+    return keys[np.append(others, _NONE)[np.searchsorted(others, keys)] == keys]
+
+
+def _spread(keys: Keys, direction: int, within: Keys) -> Keys:
+    """Return those keys of `within`, all ascending, that are up to SPREAD steps along a direction from others."""
+    near = _distinct([keys + k * _STEPS[direction] for k in range(-SPREAD, SPREAD + 1)])
+    return _common(near, within)
 
 
 def bent(
@@ -432,10 +450,11 @@ def as_words(floats: NDArray[np.float32]) -> NDArray[np.uint32]:
     return np.asarray((bits & np.uint32(0x1FFFFFFF)) | (bits >> np.uint32(31)) << np.uint32(29), dtype=np.uint32)
 
 
-def _line_keys(keys: Keys, direction: NDArray[np.int64]) -> Keys:
+def _line_keys(keys: Keys, direction: int) -> Keys:
     """Return keys whose order follows the lines of a direction; neighbors on a line differ by 1."""
     x = (keys & _MASK) - _BIAS
-    shift = ((1 - direction[1]) << 2 * _BITS) + ((1 - direction[2]) << _BITS)
+    _, y, z = DIRECTIONS[direction]
+    shift = ((1 - y) << 2 * _BITS) + ((1 - z) << _BITS)
     return keys + x * shift
 
 
@@ -458,16 +477,17 @@ class _Gifts:
     blocks: int
 
 
-def _chain(
-    universe: Keys, target: Keys, gifts: _Gifts, place_bits: int, linked: int
-) -> tuple[Chain, NDArray[np.float32], Keys]:
-    """Return the tables of a splat and four blurs, the links of the first `linked` nodes, and the nodes' numbers.
+def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chain, Callable[[Keys], Keys]]:
+    """Return the tables of a splat and four blurs, and what numbers the nodes of the last.
 
     Parameters
     ----------
-    universe : ascending keys of all nodes that may hold a value
-    target : keys of the nodes after the last blur, in their order
+    near : ascending keys of nodes; two rings about them may hold a value
+    read : keys of nodes that texels read, in their order
     """
+    around = _ring(np.sort(read))
+    target = np.append(read, np.setdiff1d(around, read, assume_unique=True))
+    universe = _ring(_ring(near))
     flat = gifts.corner.ravel()
     steps = (1 << WORD_BITS - 2 * place_bits) - 1
     quantized = np.rint(gifts.weights.ravel() * steps).astype(np.uint32)
@@ -476,65 +496,75 @@ def _chain(
     entry = entry[np.argsort(flat[entry], kind="stable")]
     words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
     keys, node = _numbered(flat[entry])
-    node = np.searchsorted(universe, keys)[node]
     single = entry >> 2 >= gifts.blocks
-    counts = np.bincount(2 * node + single, minlength=2 * len(universe))
-    starts = np.append(0, np.cumsum(counts)).astype(np.float32)
+    starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys)))).astype(np.float32)
 
-    final = np.searchsorted(universe, target)
-    number = np.zeros(len(universe), dtype=np.int64)
-    number[final] = np.arange(len(final))
-    links = np.empty((len(universe), 8), dtype=np.float32)
-    lines = [_line_keys(universe, direction) for direction in DIRECTIONS]
-    orders = [np.argsort(line, kind="stable") for line in lines]
-    made = []
-    for k, order in enumerate(orders):
-        ahead = lines[k][order]
-        joined = np.append(ahead[1:] == ahead[:-1] + 1, False)[: len(order)]
-        # Which of the nodes two and one before, here, one and two after exist.
-        before = np.append(False, joined)[: len(order)]
-        twice = joined & np.append(joined[1:], False)[: len(order)]
-        exists = (np.append([False, False], twice)[: len(order)] * 1 | before * 2 | 4 | joined * 8 | twice * 16).astype(
-            np.uint32
-        )
-        word = np.empty(len(order), dtype=np.uint32)
-        word[order] = np.arange(len(order), dtype=np.uint32) | exists << np.uint32(LINE_BITS)
-        out = final if k == 3 else orders[k + 1]
-        made.append(rows(as_floats(word[out])[:, None]))
-        if linked:
-            own = number[order]
-            links[order, k] = np.where(joined, np.append(own[1:], 0)[: len(own)], own)
-            links[order, 4 + k] = np.where(before, np.append(0, own)[: len(own)], own)
-    chain = Chain(len(universe), len(final), rows(starts[:, None]), rows(as_floats(words)[:, None]), tuple(made))
-    return chain, rows(links[final[:linked]].reshape(-1, 4)), number
+    order = np.argsort(target, kind="stable")
+    held = [keys]
+    for k in (0, 1, 2):
+        held.append(_spread(held[k], k, universe))
+    needed = around
+    for k in (3, 2, 1):
+        needed = _spread(needed, k, universe)
+        held[k] = _common(held[k], needed)
+    # Ascending keys follow the lines of the first direction already.
+    held = [keys[np.argsort(_line_keys(keys, k), kind="stable")] for k, keys in enumerate(held)]
+    lines = [_words(_line_keys(held[k], k), _line_keys(out, k)) for k, out in enumerate([*held[1:], target])]
+
+    def number(keys: Keys) -> Keys:
+        return order[np.searchsorted(around, keys)]
+
+    links = np.empty((len(read), 8), dtype=np.float32)
+    for k, step in enumerate([*_STEPS, *-_STEPS]):
+        # A ring is about all of them.
+        links[:, k] = number(read + step)
+    chain = Chain(
+        tuple(map(len, [*held, target])),
+        len(read),
+        rows(starts[:, None]),
+        rows(as_floats(words)[:, None]),
+        tuple(rows(as_floats(line)[:, None]) for line in lines),
+        rows(links.reshape(-1, 4)),
+    )
+    return chain, number
+
+
+def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
+    """Return for nodes on lines where the nodes within REACH begin among those held, and which of them there are.
+
+    Both are keys of one direction's lines; those held ascend.
+    """
+    index = np.searchsorted(held, wanted - REACH)
+    words = index.astype(np.uint32)
+    held = np.append(held, _NONE)
+    for k in range(2 * REACH + 1):
+        there = held[index] == wanted + (k - REACH)
+        words |= there.astype(np.uint32) << np.uint32(LINE_BITS + k)
+        index += there
+    return words
 
 
 def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:
     """Return the tables as named arrays, as the disk cache keeps them."""
     entry: dict[str, NDArray[Any]] = {
-        "numbers": np.array([tables.spacing, tables.ratio, tables.factor, tables.place_bits, tables.nodes]),
-        "links": tables.links,
+        "numbers": np.array([tables.spacing, tables.ratio, tables.factor, tables.place_bits]),
         "slices": tables.slices,
     }
     for name, chain in (("whole", tables.whole), ("bent", tables.bent)):
-        entry |= {f"{name}_level": np.array([chain.nodes, chain.kept]), f"{name}_starts": chain.starts}
-        entry |= {f"{name}_entries": chain.entries}
+        entry |= {f"{name}_counts": np.array([*chain.counts, chain.read]), f"{name}_starts": chain.starts}
+        entry |= {f"{name}_entries": chain.entries, f"{name}_links": chain.links}
         entry |= {f"{name}_lines{k}": array for k, array in enumerate(chain.lines)}
     return entry
 
 
 def unpack(entry: dict[str, NDArray[Any]]) -> LatticeTables:
     """Return the tables that `pack` has taken apart."""
-    whole, bent = (
-        Chain(
-            int(entry[f"{name}_level"][0]),
-            int(entry[f"{name}_level"][1]),
-            entry[f"{name}_starts"],
-            entry[f"{name}_entries"],
-            tuple(entry[f"{name}_lines{k}"] for k in range(4)),
-        )
-        for name in ("whole", "bent")
-    )
+
+    def chain(name: str) -> Chain:
+        *counts, read = map(int, entry[f"{name}_counts"])
+        starts, entries, links = (entry[f"{name}_{what}"] for what in ("starts", "entries", "links"))
+        return Chain(tuple(counts), read, starts, entries, tuple(entry[f"{name}_lines{k}"] for k in range(4)), links)
+
     spacing, ratio, *numbers = map(float, entry["numbers"])
-    factor, place_bits, nodes = map(int, numbers)
-    return LatticeTables(spacing, ratio, factor, place_bits, whole, bent, nodes, entry["links"], entry["slices"])
+    factor, place_bits = map(int, numbers)
+    return LatticeTables(spacing, ratio, factor, place_bits, chain("whole"), chain("bent"), entry["slices"])

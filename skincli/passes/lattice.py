@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skincli.gpu.blocks import Values, Vec3
+from skincli.gpu.blocks import Values, Vec3, Vec4
 from skincli.graph.node import Draw, Input, Load, Node, Output, Pass, Ref, Source
 from skincli.mesh.lattice import (
     BENT,
     DIRECTIONS,
     LINE_BITS,
     NODE_BITS,
+    REACH,
     WIDTH,
     Chain,
     LatticeTables,
@@ -30,6 +31,7 @@ from skincli.passes.seen import Tiled, tile_defines, tiled
 DEFINES = (
     ("ROW_WIDTH", str(WIDTH)),
     ("ROW_SHIFT", str(WIDTH.bit_length() - 1)),
+    ("REACH", str(REACH)),
     ("LINE_BITS", str(LINE_BITS)),
     ("NODE_BITS", str(NODE_BITS)),
     ("BENT", f"{BENT}u"),
@@ -73,13 +75,11 @@ class LatticeBlurValues(Values):
     Parameters
     ----------
     nodes : how many go out
-    middle, near, far : taps of a node and of its first and second pair
+    weights : of a node and of its first, second and third pair
     """
 
     nodes: int
-    middle: float
-    near: float
-    far: float
+    weights: Vec4
 
 
 class LatticeBlur(Pass):
@@ -119,6 +119,14 @@ class LatticeGradient(Pass):
     outputs = {"red": Output(), "green": Output(), "blue": Output()}
 
 
+class LatticeGradientBent(Pass):
+    """Sums and their gradients per half lattice constant: first of all nodes alone, then times the normal's x, y, z."""
+
+    shader = "passes/lattice_gradient_bent.frag"
+    inputs = {**LatticeBlurBent.inputs, "links": Input()}
+    outputs = {"sums": Output(), "along_x": Output(), "along_y": Output(), "along_z": Output()}
+
+
 @dataclass(frozen=True)
 class SliceValues(Values):
     """Uniform block of the pass.
@@ -129,12 +137,14 @@ class SliceValues(Values):
     share : its part of the sum's alpha
     half_spacing : half a lattice constant, mm
     nodes : how many have links
+    bent : how many of them have sums times the normal's coordinates too
     """
 
     weight: Vec3
     share: float
     half_spacing: float
     nodes: int
+    bent: int
 
 
 @dataclass(frozen=True)
@@ -159,8 +169,8 @@ class LatticeSlice(Tiled):
     shader = "passes/lattice_slice.frag"
     additive = True
     inputs = {
-        **{name: Input() for name in ("seen", "slices", "links", "position", "normal", "red", "green", "blue")},
-        **{name: Input() for name in ("one", "x", "y", "z")},
+        **{name: Input() for name in ("seen", "slices", "links", "position", "normal")},
+        **{name: Input() for name in (*LatticeGradient.outputs, *LatticeGradientBent.outputs)},
     }
     outputs = {"sliced": Output()}
 
@@ -200,44 +210,53 @@ def lattice_nodes(
     gifts = {"light": light, "image": image, "area": area}
     for number, term in enumerate(terms):
         own, table = f"{name}_{number}", term.tables
-        whole = _chain(f"{own}_whole", term, table.whole, LatticeSplat, LatticeBlur, gifts)
-        loads = table_loads(own, term.key, {"links": table.links, "slices": table.slices})
-        tables = _images(loads)
-        inputs = {"image": Ref(whole[-1].name, "blurred"), "links": tables["links"]}
-        values = GradientValues(table.nodes)
-        gradient = LatticeGradient(f"{own}_gradient", _extent(table.nodes), [Draw(values)], inputs, defines=DEFINES)
-        nodes += [*whole, *loads.values(), gradient]
-        inputs = {**_results(gradient), **tables}
-        if table.bent.kept:
+        whole = _chain(f"{own}_whole", term, table.whole, (LatticeSplat, LatticeBlur, LatticeGradient), gifts)
+        slices = table_loads(own, term.key, {"slices": table.slices})
+        gradient = whole[-1]
+        assert isinstance(gradient, Pass)
+        inputs = {**_results(gradient), **_images(slices), "links": gradient.wired["links"]}
+        nodes += [*whole, *slices.values()]
+        if table.bent.read:
             turned = {**gifts, "normal": normal, "facing": facing}
-            bent = _chain(f"{own}_bent", term, table.bent, LatticeSplatBent, LatticeBlurBent, turned)
+            passes = (LatticeSplatBent, LatticeBlurBent, LatticeGradientBent)
+            bent = _chain(f"{own}_bent", term, table.bent, passes, turned)
             inputs |= _results(bent[-1])
             nodes += bent
-        share = SliceValues(term.weight, 1 / len(terms), table.spacing / 2, table.nodes)
+        share = SliceValues(term.weight, 1 / len(terms), table.spacing / 2, table.whole.read, table.bent.read)
         draws.append(tiled(size, share, inputs))
     shared = {"position": position, "normal": normal, "seen": seen}
     return [*nodes, LatticeSlice(name, size, draws, shared, defines=(*DEFINES, *tile_defines(size)), terms=terms)]
 
 
 def _chain(
-    name: str, term: Term, chain: Chain, splat: type[Pass], blur: type[Pass], inputs: Mapping[str, Source]
+    name: str,
+    term: Term,
+    chain: Chain,
+    passes: tuple[type[Pass], type[Pass], type[Pass]],
+    inputs: Mapping[str, Source],
 ) -> list[Node]:
-    """Return the nodes of a splat and its four blurs, the last blur last."""
+    """Return the nodes of a splat, its four blurs and their gradients, these last."""
+    splat, blur, gradient = passes
     lines = {f"lines{k}": array for k, array in enumerate(chain.lines)}
-    loads = table_loads(name, term.key, {"starts": chain.starts, "entries": chain.entries, **lines})
+    loads = table_loads(
+        name, term.key, {"starts": chain.starts, "entries": chain.entries, **lines, "links": chain.links}
+    )
     tables = _images(loads)
     wired = {**inputs, "starts": tables["starts"], "entries": tables["entries"]}
-    draw = Draw(SplatValues(chain.nodes, term.tables.place_bits))
-    last = splat(f"{name}_splat", _extent(chain.nodes), [draw], wired, defines=DEFINES)
+    splatted, *blurred = chain.counts
+    draw = Draw(SplatValues(splatted, term.tables.place_bits))
+    last = splat(f"{name}_splat", _extent(splatted), [draw], wired, defines=DEFINES)
     nodes: list[Node] = [*loads.values(), last]
-    weights = taps(term.tables.ratio, gradients=blur is LatticeBlur)
-    for k in range(4):
-        count = chain.kept if k == 3 else chain.nodes
+    weights = taps(term.tables.ratio)
+    for k, count in enumerate(blurred):
         wired = dict(zip(blur.inputs, _results(last).values(), strict=False)) | {"lines": tables[f"lines{k}"]}
-        draw = Draw(LatticeBlurValues(count, *weights))
+        draw = Draw(LatticeBlurValues(count, weights))
         last = blur(f"{name}_blur{k}", _extent(count), [draw], wired, defines=DEFINES)
         nodes.append(last)
-    return nodes
+    wired = dict(zip(gradient.inputs, _results(last).values(), strict=False)) | {"links": tables["links"]}
+    texels = chain.read * (4 if gradient is LatticeGradientBent else 1)
+    draw = Draw(GradientValues(chain.read))
+    return [*nodes, gradient(f"{name}_gradient", _extent(texels), [draw], wired, defines=DEFINES)]
 
 
 def table_loads(name: str, key: str, tables: Mapping[str, NDArray[np.float32]]) -> dict[str, Load]:
@@ -305,8 +324,9 @@ def twin(
         bent = splat_twin(table.bent, table, source, normal)
         for k in range(4):
             whole = blur_twin(table.whole, k, taps(table.ratio), whole)
-            bent = blur_twin(table.bent, k, taps(table.ratio, gradients=False), bent)
-        found = slice_twin(table, gradient_twin(table, whole), bent, position, normal)
+            bent = blur_twin(table.bent, k, taps(table.ratio), bent)
+        averages, sums = gradient_twin(table.whole, whole), gradient_bent_twin(table.bent, bent)
+        found = slice_twin(table, averages, sums, position, normal)
         total += found * [*term.weight, 1 / len(terms)]
     return total[::-1]
 
@@ -315,11 +335,12 @@ def splat_twin(
     chain: Chain, table: LatticeTables, source: NDArray[np.float64], normal: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """Return the (n, 4) sums at the nodes; with a normal (n, 16), alone and times its coordinates."""
-    starts = chain.starts.ravel()[: 2 * chain.nodes + 1].astype(np.int64)
+    nodes = chain.counts[0]
+    starts = chain.starts.ravel()[: 2 * nodes + 1].astype(np.int64)
     words = as_words(chain.entries.ravel()[: starts[-1]]).astype(np.int64)
     mask = (1 << table.place_bits) - 1
     column, row = words & mask, words >> table.place_bits & mask
-    slot = np.repeat(np.arange(2 * chain.nodes), np.diff(starts))
+    slot = np.repeat(np.arange(2 * nodes), np.diff(starts))
     single = slot[:, None] % 2 == 1
 
     def of_entries(texels: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -333,7 +354,7 @@ def splat_twin(
         facing = _blocks(normal * source[..., 3:], table.factor) / np.where(area > 0, area, 1)
         factors = np.concatenate([np.ones((len(words), 1)), of_entries(normal, facing)], axis=1)
         gifts = (factors[:, :, None] * gifts[:, None]).reshape(-1, 16)
-    return np.stack([np.bincount(slot // 2, column, chain.nodes) for column in gifts.T], axis=1)
+    return np.stack([np.bincount(slot // 2, column, nodes) for column in gifts.T], axis=1)
 
 
 def _blocks(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
@@ -345,34 +366,48 @@ def _blocks(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
 
 
 def blur_twin(
-    chain: Chain, direction: int, weights: tuple[float, float, float], sums: NDArray[np.float64]
+    chain: Chain, direction: int, weights: tuple[float, ...], sums: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the (m, c) sums after one direction, from the (n, c) before it."""
-    count = chain.kept if direction == 3 else chain.nodes
+    count = chain.counts[direction + 1]
     words = as_words(chain.lines[direction].ravel()[:count]).astype(np.int64)
-    place = words & ((1 << LINE_BITS) - 1)
-    exists = words[:, None] >> LINE_BITS + np.arange(5) & 1
-    middle, near, far = weights
+    index = words & ((1 << LINE_BITS) - 1)
+    held = np.append(sums, np.zeros((1, sums.shape[1])), axis=0)
     total = np.zeros((count, sums.shape[1]))
-    for k, weight in enumerate((far, near, middle, near, far)):
-        total += weight * exists[:, k : k + 1] * sums[np.clip(place + k - 2, 0, len(sums) - 1)]
+    for k in range(2 * REACH + 1):
+        there = words >> LINE_BITS + k & 1
+        total += weights[abs(k - REACH)] * there[:, None] * held[index]
+        index += there
     return total
 
 
-def gradient_twin(table: LatticeTables, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+def gradient_twin(chain: Chain, sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, 4, 3): averages of the channels, -1 for none, and their change along x, y, z."""
     known = sums[:, 3:] > 0
     average = np.where(known, sums[:, :3] / np.where(known, sums[:, 3:], 1), 0)
-    here = average[: table.nodes]
-    result = np.zeros((table.nodes, 4, 3))
-    result[:, 0] = np.where(known[: table.nodes], here, -1)
-    links = table.links.reshape(-1, 8)[: table.nodes].astype(np.int64)
-    for k, direction in enumerate(DIRECTIONS):
-        ahead, behind = links[:, k], links[:, 4 + k]
+    here = average[: chain.read]
+    result = np.zeros((chain.read, 4, 3))
+    result[:, 0] = np.where(known[: chain.read], here, -1)
+    for direction, ahead, behind in _beside(chain):
         forward = (average[ahead] - here) * known[ahead] * (2 - known[behind])
         backward = (here - average[behind]) * known[behind] * (2 - known[ahead])
         result[:, 1:] += (forward + backward)[:, None] * direction[:, None] / 8
     return result
+
+
+def gradient_bent_twin(chain: Chain, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 4, 16): the sums and their change along x, y, z."""
+    result = np.zeros((chain.read, 4, 16))
+    result[:, 0] = sums[: chain.read]
+    for direction, ahead, behind in _beside(chain):
+        result[:, 1:] += (sums[ahead] - sums[behind])[:, None] * direction[:, None] / 8
+    return result
+
+
+def _beside(chain: Chain) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield each direction, and the nodes one step along and against it."""
+    links = chain.links.reshape(-1, 8)[: chain.read].astype(np.int64)
+    yield from zip(DIRECTIONS, links.T[:4], links.T[4:], strict=True)
 
 
 def slice_twin(
@@ -393,24 +428,26 @@ def slice_twin(
     order = np.argsort(-np.abs(offset), axis=1, kind="stable")
     weights = tetrahedron_weights(np.take_along_axis(np.abs(offset), order, axis=1))
     longest, shortest = (2 * sign * (np.arange(3) == order[:, k : k + 1]) for k in (0, 2))
-    links = table.links.reshape(-1, 8)
+    read, links = table.whole.read, table.whole.links.reshape(-1, 8)
 
     def beside(node: NDArray[np.int64], step: NDArray[np.float64]) -> NDArray[np.int64]:
         k = (step[:, 1] * step[:, 0] < 0) + 2 * (step[:, 2] * step[:, 0] < 0) + 4 * (step[:, 0] < 0)
-        return np.where(node < table.nodes, links[np.minimum(node, table.nodes - 1), k], node).astype(np.int64)
+        return np.where(node < read, links[np.minimum(node, read - 1), k], node).astype(np.int64)
 
     across = beside(own, sign)
     node = np.stack([own, beside(across, longest - sign), across, beside(own, sign - shortest)], axis=1)
     away = np.stack([offset, offset - longest, offset - sign, offset - sign + shortest], axis=1)
     found = np.zeros((len(words), 4))
-    straight = averages[np.minimum(node[~turned], table.nodes - 1)]
+    straight = averages[np.minimum(node[~turned], read - 1)]
     share = weights[~turned] * (straight[:, :, 0, 0] >= 0)
     change = np.einsum("nkd,nkdc->nkc", away[~turned], straight[:, :, 1:])
     found[~turned, :3] = np.einsum("nk,nkc->nc", share, straight[:, :, 0] + 0.5 * change)
     found[~turned, 3] = share.sum(axis=1)
     factors = np.concatenate([np.ones((turned.sum(), 1)), normal[rows, columns][turned]], axis=1)
-    held = np.append(bent, np.zeros((1, 16)), axis=0).reshape(-1, 4, 4)[np.minimum(node[turned], len(bent))]
-    sums = np.einsum("nf,nk,nkfc->nc", factors, weights[turned], held)
+    held = np.append(bent, np.zeros((1, 4, 16)), axis=0)[np.minimum(node[turned], len(bent))]
+    from_node = np.concatenate([np.ones((len(held), 4, 1)), 0.5 * away[turned]], axis=2)
+    sliced = np.einsum("nk,nkd,nkdc->nc", weights[turned], from_node, held).reshape(-1, 4, 4)
+    sums = np.einsum("nf,nfc->nc", factors, sliced)
     known = sums[:, 3:] > 0
     found[turned] = np.where(known, np.append(sums[:, :3], known, axis=1) / np.where(known, sums[:, 3:], 1), 0)
     found[turned, 3] = known[:, 0]
