@@ -24,6 +24,7 @@ pytestmark = pytest.mark.usefixtures("ctx")
 #: of every kind one; the whole table is the command's
 SOME = [
     ("light", "1e+12, physical"),
+    ("light", "1e-12, physical"),
     ("light", "point on a vertex, 1e12, 64 EV"),
     ("light", "spot of 1 degrees, blend 0.3"),
     ("light", "none, no ambient, no environment"),
@@ -90,6 +91,13 @@ def test_a_wrong_power_of_ten_is_an_error_however_faint_the_light(inject: Inject
     assert outcome.nonfinite == 0
     assert outcome.error > 1
     assert outcome.node in ("irradiance", "specular")
+
+
+def test_a_wrong_gradient_on_the_lattice_is_an_error(inject: Inject) -> None:
+    inject("passes/lattice_slice.frag", "(M + m)", "(M - m)")
+    (outcome,) = run([chosen("kernel", "scattering radius 1 mm")])
+    assert outcome.verdict == FAILS
+    assert outcome.node.startswith("diffused_")
 
 
 def test_another_picture_is_told_from_the_one_to_repeat() -> None:
