@@ -129,9 +129,18 @@ DIFFUSED = frozenset({"beauty", "diffuse", "diffused"})
 DISPLAYED = Ref("display", "displayed")
 
 
-#: exact diffusion of the light on texels: all of them, their irradiance, which receive, variances and weights
+#: exact diffusion of the light on texels: all of them, their irradiance, which receive, variances, weights and, where
+#: the skin's layers write it, the scattering radius over that of the optics
 Exact = Callable[
-    [Texels, NDArray[np.float64], NDArray[np.bool_], Sequence[float], Sequence[Sequence[float]]], NDArray[np.float64]
+    [
+        Texels,
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        Sequence[float],
+        Sequence[Sequence[float]],
+        NDArray[np.float64] | None,
+    ],
+    NDArray[np.float64],
 ]
 
 
@@ -658,11 +667,15 @@ class Pipeline:
         ref = Ref("incoming", "absorbed")
         light = read_back(self.graph.run([ref])[ref])
         owner = read_back(self.graph.run([Ref("atlas", "position")])[Ref("atlas", "position")])
+        spread = None
+        if self._spreads:
+            spread = read_back(self.graph.run([Ref("atlas", "spread")])[Ref("atlas", "spread")])
         texels, exact = self._texels, self._exact
         height, width = light.shape[:2]
         row, column = height - 1 - texels.index // width, texels.index % width
         slot = owner[row, column, 3]
-        digest = hashlib.blake2b(light.tobytes(), digest_size=16).hexdigest()
+        digest = hashlib.blake2b(light.tobytes(), digest_size=16)
+        digest.update(b"" if spread is None else spread.tobytes())
 
         def make() -> list[NDArray[np.floating]]:
             signal, result = light[row, column, :3].astype(np.float64), np.zeros(light.shape)
@@ -672,13 +685,16 @@ class Pipeline:
                 profile = self._profile(look)
                 total = np.broadcast_to(profile.total(), 3)
                 shares = np.array(profile.weights).reshape(-1, 3) / np.where(total > 0, total, 1)
-                found = exact(texels, signal, here, profile.variances, shares.tolist())
+                ratio = None
+                if spread is not None:
+                    ratio = np.clip(spread[row[here], column[here], :3].astype(np.float64), 0, MAX_SPREAD)
+                found = exact(texels, signal, here, profile.variances, shares.tolist(), ratio)
                 found += signal[here] * (1 - shares.sum(axis=0))
                 result[row[here], column[here]] = np.concatenate([found, np.ones_like(found[:, :1])], axis=1)
             return [result]
 
         profiles = [self._profile(look) for look in range(len(self.looks))]
-        return Load(self._blank.name, f"{digest} {self.mesh.key} {profiles}", make)
+        return Load(self._blank.name, f"{digest.hexdigest()} {self.mesh.key} {profiles}", make)
 
     @property
     def _pixels_per_mm(self) -> float:

@@ -96,12 +96,13 @@ class Light:
         values = np.concatenate([signal[order], np.ones((len(signal), 1))], axis=1) * areas[:, None]
         moments = (_faces(normals)[:, :, None] * values[:, None, :]).reshape(len(values), -1)
         self._grid = _Grid(positions, areas, moments, cell)
+        self._summed: dict[float, tuple[_Grid, float]] = {}
 
     def diffused(
         self,
         targets: Floats,
         normals: Floats,
-        sigma: float,
+        sigma: float | Floats,
         *,
         cutoff: float = CUTOFF,
         cells_per_sigma: float = CELLS_PER_SIGMA,
@@ -111,7 +112,8 @@ class Light:
         Parameters
         ----------
         targets, normals : (m, 3) float64 each, mm and unit: where it is wanted
-        sigma : mm, > 0, standard deviation per axis; of one far narrower than the samples the nearest one is left
+        sigma : mm, > 0, standard deviation per axis, or (m,) of each target its own; of one far narrower than the
+            samples the nearest one is left
         cutoff : in standard deviations
         cells_per_sigma : see CELLS_PER_SIGMA; infinity sums every sample by itself
 
@@ -124,26 +126,43 @@ class Light:
         ValueError
             If all samples within reach of a target face away from it.
         """
-        grid = self._grid
-        cell = sigma / cells_per_sigma
-        if cell**2 * len(grid.areas) > WORTHWHILE * self._total:
-            grid, blur = grid.summed(cell)
-            sigma = math.sqrt(sigma**2 - blur)
+        if np.ndim(sigma):
+            # Widths of one octave share the cells of its narrowest.
+            octave = np.floor(np.log2(sigma))
+            found = np.zeros((len(targets), self._channels - 1))
+            for step in np.unique(octave):
+                at, cell = octave == step, 2.0**step / cells_per_sigma
+                if cell not in self._summed:
+                    self._summed[cell] = self._in_cells(cell)
+                found[at] = self._over(*self._summed[cell], targets[at], normals[at], np.asarray(sigma)[at], cutoff)
+            return found
+        widths = np.full(len(targets), sigma)
+        return self._over(*self._in_cells(float(sigma) / cells_per_sigma), targets, normals, widths, cutoff)
+
+    def _in_cells(self, cell: float) -> tuple[_Grid, float]:
+        """Return the samples, summed in cells where it is worth while, and by how much that blurs, mm²."""
+        worthwhile = cell**2 * len(self._grid.areas) > WORTHWHILE * self._total
+        return self._grid.summed(cell) if worthwhile else (self._grid, 0.0)
+
+    def _over(self, grid: _Grid, blur: float, targets: Floats, normals: Floats, sigma: Floats, cutoff: float) -> Floats:
+        """Return (m, c), see `diffused`, from samples that are blurred already."""
+        sigma = np.sqrt(sigma**2 - blur)
         faces = 0.5 * _faces(normals)
-        if math.pi * (cutoff * sigma) ** 2 * len(grid.areas) < FEW * self._total and len(grid.areas) > NEIGHBORS:
+        reach = cutoff * float(sigma.max(initial=0.0))
+        if math.pi * reach**2 * len(grid.areas) < FEW * self._total and len(grid.areas) > NEIGHBORS:
             sums, faced, crowded = self._listed(grid, targets, faces, sigma, cutoff)
             at = np.flatnonzero(crowded)
         else:
             sums, faced = np.zeros((len(targets), self._channels)), np.zeros(len(targets))
             at = np.arange(len(targets))
         if len(at):
-            sums[at], faced[at] = self._gathered(grid, targets[at], faces[at], sigma, cutoff)
+            sums[at], faced[at] = self._gathered(grid, targets[at], faces[at], sigma[at], reach)
         if lost := np.count_nonzero(~(sums[:, -1] > LEAST_FACING * faced)):
             raise ValueError(f"{lost} of {len(targets)} targets have no sample within reach that faces their way")
         return sums[:, :-1] / sums[:, -1:]
 
     def _listed(
-        self, grid: _Grid, targets: Floats, faces: Floats, sigma: float, cutoff: float
+        self, grid: _Grid, targets: Floats, faces: Floats, sigma: Floats, cutoff: float
     ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Return the sums, (m, c), the kernel's mass, (m,), and which targets have more neighbors within reach."""
         sums, faced = np.zeros((len(targets), self._channels)), np.zeros(len(targets))
@@ -152,11 +171,11 @@ class Light:
         def part(first: int) -> None:
             rows = slice(first, first + LISTED_AT_ONCE)
             away, near = grid.tree.query(targets[rows], NEIGHBORS)
-            kernel = np.exp((away**2 - away[:, :1] ** 2) / (-2 * sigma**2))
+            kernel = np.exp((away**2 - away[:, :1] ** 2) / (-2 * sigma[rows, None] ** 2))
             gathered = np.einsum("mn,mnk->mk", kernel, grid.moments[near]).reshape(-1, 4, self._channels)
             sums[rows] = np.einsum("mk,mkc->mc", faces[rows], gathered)
             faced[rows] = gathered[:, 0, -1]
-            crowded[rows] = away[:, -1] < cutoff * sigma
+            crowded[rows] = away[:, -1] < cutoff * sigma[rows]
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for _ in pool.map(part, range(0, len(targets), LISTED_AT_ONCE)):
@@ -164,10 +183,10 @@ class Light:
         return sums, faced, crowded
 
     def _gathered(
-        self, grid: _Grid, targets: Floats, faces: Floats, sigma: float, cutoff: float
+        self, grid: _Grid, targets: Floats, faces: Floats, sigma: Floats, reach: float
     ) -> tuple[Floats, Floats]:
         """Return the sums, (m, c), and the kernel's mass, (m,): targets that lie together against all samples near."""
-        reach = max(cutoff * sigma, LEAST_REACH * math.sqrt(self._total / len(grid.areas)))
+        reach = max(reach, LEAST_REACH * math.sqrt(self._total / len(grid.areas)))
         # Wide groups share what they look up, narrow ones look at less: as many pairs as a look-up is worth.
         density = len(targets) * len(grid.areas) / self._total**2
         width = math.sqrt(reach**2 + math.sqrt(PAIRS_PER_GROUP / density)) - reach
@@ -180,9 +199,10 @@ class Light:
             near = grid.near(center, reach + math.sqrt(np.sum(x[:, :3] ** 2, axis=1).max()))
             if not len(near):
                 near = np.array([grid.tree.query(center)[1]])
-            y, moments = (grid.positions[near] - center) / sigma**2, grid.moments[near]
+            y, moments = grid.positions[near] - center, grid.moments[near]
             # The logarithm of the Gaussian, but for what all samples of a target have in common.
-            y = np.concatenate([y.T, [np.sum(y * y, axis=1) * (-(sigma**2) / 2)]])
+            x /= sigma[group, None] ** 2
+            y = np.concatenate([y.T, [-0.5 * np.sum(y * y, axis=1)]])
             block = max(1, PRODUCTS_AT_ONCE // moments.size)
             for first in range(0, len(group), BLOCKS_AT_ONCE * block):
                 rows = np.arange(first, min(first + BLOCKS_AT_ONCE * block, len(group)))

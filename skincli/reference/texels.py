@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from skincli.mesh.texels import Texels
 from skincli.reference.surface_integral import Light, Samples
 
+LEAST_SIGMA = 1e-3
+"""mm, of a texel whose scattering radius is 0: narrower than any texel, so that its own light is left."""
+
 
 def samples_of(texels: Texels) -> Samples:
     """Return the texels that give light as samples of the surface."""
@@ -24,6 +27,7 @@ def diffuse_texels(
     receiving: NDArray[np.bool_],
     variances: Sequence[float],
     weights: Sequence[Sequence[float]],
+    ratio: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return a sum of Gaussians of the light on an atlas, each normalized on the surface.
 
@@ -33,6 +37,7 @@ def diffuse_texels(
     signal : (n, 3) irradiance
     receiving : (n,) where the result is wanted, among those that give
     variances, weights : of a GaussianSum
+    ratio : (m, 3) by which each receiving texel scales the standard deviations, by channel; None where it is 1
 
     Returns
     -------
@@ -42,7 +47,12 @@ def diffuse_texels(
     targets, normals = texels.positions[receiving], texels.normals[receiving]
     result = np.zeros((len(targets), 3))
     for variance, share in zip(variances, weights, strict=True):
-        result += np.asarray(share) * light.diffused(targets, normals, math.sqrt(variance))
+        sigma = math.sqrt(variance)
+        if ratio is None:
+            result += np.asarray(share) * light.diffused(targets, normals, sigma)
+            continue
+        for channel, widths in enumerate(np.maximum(sigma * ratio, LEAST_SIGMA).T):
+            result[:, channel] += share[channel] * light.diffused(targets, normals, widths)[:, channel]
     return result
 
 
@@ -69,9 +79,11 @@ class SeenTexels:
         receiving: NDArray[np.bool_],
         variances: Sequence[float],
         weights: Sequence[Sequence[float]],
+        ratio: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Return (m, 3), see `diffuse_texels`."""
         seen = self.read[texels.index[receiving]]
         result = np.zeros((len(seen), 3))
-        result[seen] = diffuse_texels(texels, signal, receiving & self.read[texels.index], variances, weights)
+        ratio = None if ratio is None else ratio[seen]
+        result[seen] = diffuse_texels(texels, signal, receiving & self.read[texels.index], variances, weights, ratio)
         return result

@@ -139,14 +139,26 @@ def test_fewer_terms_are_near(
     assert metrics.relative_rmse(found, exact["diffused"], exact["covered"] > 0) < bound
 
 
-def test_wider_scattering_map_is_wider_optics(render: Callable[..., dict[str, Array]]) -> None:
+@pytest.mark.parametrize(("method", "bound"), [("lattice", 0.03), ("exact", 1e-3)])
+def test_wider_scattering_map_is_wider_optics(
+    render: Callable[..., dict[str, Array]], method: str, bound: float
+) -> None:
     """The map's radius is the one at the receiving point; a constant map is the optics' own radius."""
-    mapped = render("lattice", "skin.layers=[{color: {scattering_radius: [6, 4, 2]}}]")["diffused"]
-    wide = render("lattice", "skin.optics.radius=[6, 4, 2]")["diffused"]
-    narrow = render("lattice")["diffused"]
+    mapped = render(method, "skin.layers=[{color: {scattering_radius: [6, 4, 2]}}]")["diffused"]
+    wide = render(method, "skin.optics.radius=[6, 4, 2]")["diffused"]
+    narrow = render(method)["diffused"]
     lit = wide.max(axis=-1) > 0
-    assert metrics.relative_rmse(mapped, wide, lit) < 0.03
+    assert metrics.relative_rmse(mapped, wide, lit) < bound
     assert metrics.relative_rmse(narrow, wide, lit) > 0.06
+
+
+def test_a_varying_radius_against_exact_sums(render: Callable[..., dict[str, Array]]) -> None:
+    layers = "skin.layers=[{fbm: {scale: 20, scattering_radius: [[0.5, 0.2, 0.1], [9, 6, 3]]}}]"
+    found, wanted = (render(method, layers, "render.diffusion.terms=6")["diffused"] for method in ("lattice", "exact"))
+    plain = render("exact", "render.diffusion.terms=6")["diffused"]
+    lit = wanted.max(axis=-1) > 0
+    assert metrics.relative_rmse(found, wanted, lit) < 0.03
+    assert metrics.relative_rmse(plain, wanted, lit) > 0.05
 
 
 def test_albedo_after_before_and_split(render: Callable[..., dict[str, Array]]) -> None:

@@ -214,6 +214,38 @@ def test_a_sum_of_gaussians_is_the_sum_of_each() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+def test_each_texel_may_scale_the_gaussians() -> None:
+    texels = atlas_texels(ring(), 48, 1)
+    gives = texels.areas > 0
+    receiving = gives & (np.arange(len(gives)) % 13 == 0)
+    signal = 1 + np.sin(0.1 * texels.positions)
+    variances, shares = (4.0, 30.0), ((0.25, 0.5, 1.0), (0.75, 0.5, 0.0))
+    ratio = np.random.default_rng(3).uniform(0.2, 4, (int(receiving.sum()), 3))
+    ratio[0] = 0.0
+    found = diffuse_texels(texels, signal, receiving, variances, shares, ratio)
+    # By hand, with no cutoff and no cells.
+    samples, normals = samples_of(texels), texels.normals[receiving]
+    away = np.linalg.norm(texels.positions[receiving][:, None] - samples.positions, axis=2)
+    facing = (1 + normals @ samples.normals.T) / 2 * samples.areas
+    expected = np.zeros_like(found)
+    for channel, row in enumerate(ratio.T):
+        for variance, share in zip(variances, shares, strict=True):
+            width = np.maximum(row, 1e-6)[:, None]
+            pair = np.exp(-(away**2) / (2 * variance * width**2)) * facing
+            expected[:, channel] += share[channel] * (pair @ signal[gives][:, channel]) / pair.sum(axis=1)
+    np.testing.assert_allclose(found[0], signal[receiving][0], rtol=1e-12)
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    place = np.stack([texels.index % 48, texels.index // 48], axis=1)[receiving][::29]
+    seen = SeenTexels((place + 0.5) / 48, 48)(texels, signal, receiving, variances, shares, ratio)
+    lit = seen.any(axis=1)
+    assert len(place) <= lit.sum() < len(lit) / 2
+    np.testing.assert_allclose(seen[lit], found[lit], rtol=1e-4)
+    # A ratio that is the same everywhere is another Gaussian, here one wide enough for cells.
+    wide = diffuse_texels(texels, signal, receiving, (30.0,), (shares[1],), np.full_like(ratio, 4.0))
+    same = diffuse_texels(texels, signal, receiving, (30.0 * 16,), (shares[1],))
+    np.testing.assert_allclose(wide, same, rtol=2e-3)
+
+
 def test_only_texels_that_pixels_read_are_computed() -> None:
     texels = atlas_texels(ring(), 64, 1)
     receiving = texels.areas > 0
