@@ -32,7 +32,7 @@ from skincli.mesh import lattice, windows
 from skincli.mesh.bake import bake
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
-from skincli.mesh.surface import texel_size
+from skincli.mesh.surface import face_areas, texel_size
 from skincli.mesh.texels import Texels, atlas_texels
 from skincli.mesh.udim import require_one_tile
 from skincli.optics.gaussians import GaussianSum, fit
@@ -68,8 +68,9 @@ from skincli.scene.skin import Optics, Skin, Surface
 MAP_GUTTER = 4
 ATLAS_GUTTER = 2
 
-#: mm: narrower Gaussians take more nodes of the surface lattice than they are worth
-LEAST_LATTICE = 0.75
+#: mm: narrower Gaussians take more nodes of the surface lattice than they are worth; and how many of their variances a
+#: surface may measure before they take more than tables can name
+LEAST_LATTICE, MOST_SPOTS = 0.75, 600_000
 
 _log = logging.getLogger("skincli")
 
@@ -551,7 +552,7 @@ class Pipeline:
 
             for number, (width, (key, table)) in enumerate(zip(widths, self._tables(before), strict=True)):
                 name, given = f"diffused_{number}", block(table.factor)
-                if width < LEAST_LATTICE:
+                if width < self._least_lattice:
                     nodes += window_nodes(name, size, given, position, normal, seen, width, self._texel, key, table)
                     terms.append(Ref(name, "windowed"))
                 else:
@@ -620,6 +621,11 @@ class Pipeline:
             return levels(profiles, 0.0, False, self._texel)
         return ()
 
+    @cached_property
+    def _least_lattice(self) -> float:
+        """Standard deviation, mm, from which on the lattice serves; narrower ones are windows."""
+        return max(LEAST_LATTICE, math.sqrt(float(face_areas(self.mesh).sum()) / MOST_SPOTS))
+
     def _tables(self, before: Sequence[Node]) -> list[tuple[str, Any]]:
         """For each width the tables of its windows or its lattice, with the key that names them."""
         # What texels the driver fills, and where they lie, it knows best.
@@ -627,7 +633,7 @@ class Pipeline:
         about = f"{driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
         wanted: list[tuple[ModuleType, float, int, str]] = []
         for width in self._widths:
-            room, factor = (windows, window_factor) if width < LEAST_LATTICE else (lattice, lattice.block_factor)
+            room, factor = (windows, window_factor) if width < self._least_lattice else (lattice, lattice.block_factor)
             texels = factor(width, self._texel)
             wanted.append((room, width, texels, f"{about} {module_digest(room.__name__).hex()} {width!r} {texels}"))
 

@@ -32,8 +32,7 @@ void main() {
     vec3 x = (a + b + c + d) / 8.0;
     vec3 y = (a - b + c - d) / 8.0;
     vec3 z = (a + b - c - d) / 8.0;
-    // No average is negative. To add 1 and take it away again would leave nothing of faint light.
-    red = vec4(own.a > 0.0 ? here.r : -1.0, x.r, y.r, z.r);
+    red = vec4(own.a > 0.0 ? here.r : NONE, x.r, y.r, z.r);
     green = vec4(here.g, x.g, y.g, z.g);
     blue = vec4(here.b, x.b, y.b, z.b);
 }

@@ -53,7 +53,7 @@ void main() {
     // Loops of no turns rather than branches: software GL skips them.
     for (int k = 0; k < (bent ? 0 : 4); ++k) {
         vec4 r = at(red, node[k]);
-        vec4 weights = (r.x < 0.0 ? 0.0 : weight[k]) * from[k];
+        vec4 weights = (r.x == NONE ? 0.0 : weight[k]) * from[k];
         sum += vec4(dot(weights, r), dot(weights, at(green, node[k])), dot(weights, at(blue, node[k])), weights.x);
     }
     // Where normals differ, with w = (1 + n . n') / 2, which is of rank four: so that light on the one side of an ear

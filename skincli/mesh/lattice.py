@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
 #: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
-NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.25, 0.9
+NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.0, 0.9
 
 #: what the taps are given of the variance that they should have: least error on planes and heads, where the end of the
 #: lattice beside the surface cuts what goes far

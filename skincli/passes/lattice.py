@@ -27,8 +27,12 @@ from skincli.mesh.lattice import (
 )
 from skincli.passes.seen import Tiled, tile_defines, tiled
 
+#: stands for the average of a node that no light reaches; lights may be negative, but not so
+NONE = -1e30
+
 #: what the shaders share with the tables
 DEFINES = (
+    ("NONE", str(NONE)),
     ("ROW_WIDTH", str(WIDTH)),
     ("ROW_SHIFT", str(WIDTH.bit_length() - 1)),
     ("REACH", str(REACH)),
@@ -112,7 +116,7 @@ class GradientValues(Values):
 
 
 class LatticeGradient(Pass):
-    """Averages (x, negative for none) and gradients (yzw) per half lattice constant, a texture per channel."""
+    """Averages (x, NONE for none) and gradients (yzw) per half lattice constant, a texture per channel."""
 
     shader = "passes/lattice_gradient.frag"
     inputs = {"image": Input(), "links": Input()}
@@ -382,12 +386,12 @@ def blur_twin(
 
 
 def gradient_twin(chain: Chain, sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n, 4, 3): averages of the channels, -1 for none, and their change along x, y, z."""
+    """Return (n, 4, 3): averages of the channels, NONE for none, and their change along x, y, z."""
     known = sums[:, 3:] > 0
     average = np.where(known, sums[:, :3] / np.where(known, sums[:, 3:], 1), 0)
     here = average[: chain.read]
     result = np.zeros((chain.read, 4, 3))
-    result[:, 0] = np.where(known[: chain.read], here, -1)
+    result[:, 0] = np.where(known[: chain.read], here, NONE)
     for direction, ahead, behind in _beside(chain):
         forward = (average[ahead] - here) * known[ahead] * (2 - known[behind])
         backward = (here - average[behind]) * known[behind] * (2 - known[ahead])
@@ -439,7 +443,7 @@ def slice_twin(
     away = np.stack([offset, offset - longest, offset - sign, offset - sign + shortest], axis=1)
     found = np.zeros((len(words), 4))
     straight = averages[np.minimum(node[~turned], read - 1)]
-    share = weights[~turned] * (straight[:, :, 0, 0] >= 0)
+    share = weights[~turned] * (straight[:, :, 0, 0] != NONE)
     change = np.einsum("nkd,nkdc->nkc", away[~turned], straight[:, :, 1:])
     found[~turned, :3] = np.einsum("nk,nkc->nc", share, straight[:, :, 0] + 0.5 * change)
     found[~turned, 3] = share.sum(axis=1)

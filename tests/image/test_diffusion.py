@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skincli import metrics
+from skincli import metrics, pipeline
 from skincli.bench.scene import load, ring
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph
@@ -20,6 +20,7 @@ from skincli.graph.node import ONE, Load, Ref
 from skincli.mesh import windows
 from skincli.mesh.model import Mesh
 from skincli.passes import window
+from skincli.passes.lattice import LatticeSlice
 from skincli.passes.seen import Seen
 from skincli.passes.window import Window, WindowValues, block_node, window_nodes
 from skincli.pipeline import DIFFUSED, OUTPUTS, Pipeline
@@ -129,6 +130,18 @@ def test_windows_against_exact_sums(render: Callable[..., dict[str, Array]]) -> 
     none, found, wanted = (render(method, *sets, of=small)["diffused"] for method in ("none", "lattice", "exact"))
     assert metrics.relative_rmse(found, wanted, wanted.max(axis=-1) > 0) < 0.006
     assert metrics.relative_rmse(none, wanted, wanted.max(axis=-1) > 0) > 0.1
+
+
+def test_surfaces_too_large_for_the_lattice_are_served_by_windows(
+    render: Callable[..., dict[str, Array]], exact: dict[str, Array], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(pipeline, "MOST_SPOTS", 100)
+    made = Pipeline(load(tmp_path, SCENE, "render.diffusion.terms=6"), mesh())
+    kinds = {type(node) for node in made.graph.nodes.values()}
+    assert Window in kinds
+    assert LatticeSlice not in kinds
+    found = render("lattice", "render.diffusion.terms=6")["diffused"]
+    assert metrics.relative_rmse(found, exact["diffused"], exact["covered"] > 0) < 0.012
 
 
 @pytest.mark.parametrize(("terms", "bound"), [(3, 0.03), (4, 0.02)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph
@@ -61,7 +62,8 @@ def test_passes_agree_with_their_twin(ctx: Any) -> None:
     np.testing.assert_allclose(found[..., 3], 1, atol=1e-6)
 
 
-def test_constant_light_stays(ctx: Any) -> None:
-    values = np.broadcast_to([0.3, 1.0, 2.0], (SIZE, SIZE, 3))
+@pytest.mark.parametrize("color", [(0.3, 1.0, 2.0), (-0.3, -1.0, 2.0), (1e-12, 1e-6, 1e6)])
+def test_constant_light_stays(ctx: Any, color: tuple[float, float, float]) -> None:
+    values = np.broadcast_to(color, (SIZE, SIZE, 3))
     found, _ = both(values, 12.0, {0.9: (0.4, 0.4, 0.4), 1.8: (0.6, 0.6, 0.6)})
     np.testing.assert_allclose(found[..., :3], values, rtol=1e-5)
