@@ -14,9 +14,9 @@ void main() {
     if (node >= p.nodes) {
         return;
     }
-    int first = int(at(starts, 2 * node).r);
-    int middle = int(at(starts, 2 * node + 1).r);
-    int stop = int(at(starts, 2 * node + 2).r);
+    int first = int(word(at(starts, 2 * node).r));
+    int middle = int(word(at(starts, 2 * node + 1).r));
+    int stop = int(word(at(starts, 2 * node + 2).r));
     vec2 scale = 1.0 / vec2(textureSize(light, 0));
     for (int k = first; k < middle; ++k) {
         uint entry = word(at(entries, k).r);

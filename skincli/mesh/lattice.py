@@ -104,7 +104,7 @@ class Chain:
 class LatticeTables:
     """Everything about a surface that the passes of one sigma read.
 
-    Words of `entries`, `lines` and `slices` are 30 bits in a float32 whose exponent lies in the normal range.
+    Words of `starts`, `entries`, `lines` and `slices` are 30 bits in a float32 whose exponent lies in the normal range.
 
     Parameters
     ----------
@@ -497,7 +497,7 @@ def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chai
     words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
     keys, node = _numbered(flat[entry])
     single = entry >> 2 >= gifts.blocks
-    starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys)))).astype(np.float32)
+    starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys))))
 
     order = np.argsort(target, kind="stable")
     held = [keys]
@@ -521,7 +521,7 @@ def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chai
     chain = Chain(
         tuple(map(len, [*held, target])),
         len(read),
-        rows(starts[:, None]),
+        rows(as_floats(starts)[:, None]),
         rows(as_floats(words)[:, None]),
         tuple(rows(as_floats(line)[:, None]) for line in lines),
         rows(links.reshape(-1, 4)),

@@ -340,7 +340,7 @@ def splat_twin(
 ) -> NDArray[np.float64]:
     """Return the (n, 4) sums at the nodes; with a normal (n, 16), alone and times its coordinates."""
     nodes = chain.counts[0]
-    starts = chain.starts.ravel()[: 2 * nodes + 1].astype(np.int64)
+    starts = as_words(chain.starts.ravel()[: 2 * nodes + 1]).astype(np.int64)
     words = as_words(chain.entries.ravel()[: starts[-1]]).astype(np.int64)
     mask = (1 << table.place_bits) - 1
     column, row = words & mask, words >> table.place_bits & mask
