@@ -650,15 +650,16 @@ class Pipeline:
             surface = position[own, :3], normal[own, :3], metric[own, 0], own, self.atlas_size[0]
             del position, normal, metric
 
-            def make(place: int) -> None:
-                room, width, factor, key = wanted[place]
-                kept[place] = entry = room.pack(room.tables(*surface, width, factor))
-                if self._use_cache:
-                    diskcache.keep(kind(room), key, entry)
+            def make(place: int) -> dict[str, NDArray[Any]]:
+                room, width, factor, _ = wanted[place]
+                return dict(room.pack(room.tables(*surface, width, factor)))
 
-            # The widest have the fewest nodes: the longest work first.
             with ThreadPoolExecutor(os.cpu_count()) as pool:
-                list(pool.map(make, missing))
+                for place, entry in zip(missing, pool.map(make, missing), strict=True):
+                    kept[place] = entry
+                    # Written here, where an interrupt removes what is half written.
+                    if self._use_cache:
+                        diskcache.keep(kind(wanted[place][0]), wanted[place][3], entry)
         return [(key, room.unpack(entry)) for (room, _, _, key), entry in zip(wanted, kept, strict=True)]
 
     @cached_property

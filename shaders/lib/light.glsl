@@ -15,11 +15,11 @@ struct Lit {
     vec3 irradiance;  // on a surface that faces the light
 };
 
-Lit light_at(vec3 position) {
+// Of the light as seen along the way to it, which the caller subtracts so that no digits are lost near the light.
+Lit light_along(vec3 to_light) {
     if (p.kind == DIRECTIONAL) {
         return Lit(-p.direction, p.color);
     }
-    vec3 to_light = p.position - position;
     float distance2 = max(dot(to_light, to_light), 1e-6);
     vec3 L = to_light / sqrt(distance2);
     float falloff = REFERENCE_DISTANCE * REFERENCE_DISTANCE / distance2;

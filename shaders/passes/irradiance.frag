@@ -32,7 +32,7 @@ vec3 P, P_u, P_v, N, N_u, N_v;
 vec3 received_at(vec2 place, out vec3 arriving) {
     vec3 at = N + place.x * N_u + place.y * N_v;
     at *= inversesqrt(max(dot(at, at), 1e-30));
-    Lit lit = light_at(P + place.x * P_u + place.y * P_v);
+    Lit lit = light_along(p.position - P - (place.x * P_u + place.y * P_v));
     arriving = lit.irradiance;
     return max(dot(at, lit.L), 0.0) * arriving;
 }

@@ -21,7 +21,7 @@ void main() {
     vec3 c = camera_position(pixel, fetch(depth, pixel).r);
     vec3 from_eye = c.x * p.right + c.y * p.up + c.z * p.forward;
     vec3 V = -from_eye / sqrt(max(dot(from_eye, from_eye), 1e-12));
-    Lit lit = light_at(p.middle + c.x * p.right + c.y * p.up + (c.z - p.middle_depth) * p.forward);
+    Lit lit = light_along(p.position - (p.middle + c.x * p.right + c.y * p.up + (c.z - p.middle_depth) * p.forward));
     vec3 R = reflect(-lit.L, N.xyz);
     // 1 - cos from the chord between the two: the cosine itself leaves float32 no digits near 1, where highlights are.
     vec3 chord = R - V;

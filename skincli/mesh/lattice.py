@@ -198,8 +198,9 @@ def tables(
     corner, place, _ = tetrahedra(points.positions, spacing)
     # Many texels share a tetrahedron; mostly those of few nodes see normals differ.
     some = _corners_of(keys, own[bends], code[bends])
-    reads = np.union1d(_corners_of(keys, own, code), some)
-    reads = np.union1d(reads, corner)
+    reads = _distinct([_corners_of(keys, own, code), some])
+    if factor > 1:
+        reads = _distinct([reads, corner.ravel()])
     weights = tetrahedron_weights(place)
     gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
     whole, number = _chain(reads, np.append(some, np.setdiff1d(reads, some, assume_unique=True)), gifts, place_bits)
@@ -217,7 +218,7 @@ def tables(
         points.areas[near] > 0,
         int(np.searchsorted(near, points.blocks)),
     )
-    turned, _ = _chain(np.union1d(corner[near], some), some, gifts, place_bits)
+    turned, _ = _chain(_distinct([corner[near].ravel(), some]), some, gifts, place_bits)
 
     words = number(keys)[own] | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
     slices = np.zeros(size * size, dtype=np.float32)
@@ -300,17 +301,21 @@ def coordinates(keys: Keys) -> Floats:
 
 def _numbered(keys: Keys) -> tuple[Keys, Keys]:
     """Return the distinct keys, ascending, and for each its number among them."""
-    flat = keys.ravel()
-    order = np.argsort(flat, kind="stable")
-    ordered = flat[order]
-    new = np.append(True, ordered[1:] != ordered[:-1])[: len(flat)]
-    node = np.empty(len(flat), dtype=np.int64)
-    node[order] = np.cumsum(new) - 1
-    return ordered[new], node.reshape(keys.shape)
+    order = np.argsort(keys, kind="stable")
+    distinct, number = _grouped(keys[order])
+    node = np.empty(len(keys), dtype=np.int64)
+    node[order] = number
+    return distinct, node
+
+
+def _grouped(ascending: Keys) -> tuple[Keys, Keys]:
+    """Return the distinct keys, and for each its number among them."""
+    new = np.append(True, ascending[1:] != ascending[:-1])[: len(ascending)]
+    return ascending[new], np.cumsum(new) - 1
 
 
 def _distinct(parts: Sequence[Keys]) -> Keys:
-    """Return the keys of ascending parts, each once, ascending."""
+    """Return the keys of all parts, each once, ascending."""
     # Merging ascending runs is what a stable sort is good at.
     every = np.sort(np.concatenate(parts), kind="stable")
     return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
@@ -339,8 +344,12 @@ def bent(
 
     Where all normals within reach nearly agree, w = (1 + n . n') / 2 is nearly constant and cancels in the average.
     """
-    corner, place, _ = tetrahedra(positions, BENT_SPACING * sigma)
-    keys, node = _numbered(corner)
+    base, code, place = _cubes(positions, BENT_SPACING * sigma)
+    cubes, own = _numbered(_key(base))
+    # Many points share a tetrahedron.
+    kinds, kind = _numbered(own * 48 + code)
+    keys, number = _numbered(_corners(cubes[kinds // 48], kinds % 48).ravel())
+    node = number.reshape(-1, 4)[kind]
     weight = tetrahedron_weights(place) * areas[:, None]
     total = np.bincount(node.ravel(), weight.ravel(), len(keys))
     sums = [np.bincount(node.ravel(), (weight * axis[:, None]).ravel(), len(keys)) for axis in normals.T]
@@ -397,7 +406,7 @@ def _corners_of(keys: Keys, own: Keys, code: NDArray[np.int64]) -> Keys:
     met = np.zeros(len(keys) * 48, dtype=bool)
     met[own * 48 + code] = True
     found = np.flatnonzero(met)
-    return np.unique(_corners(keys[found // 48], found % 48))
+    return _distinct([_corners(keys[found // 48], found % 48).ravel()])
 
 
 def _oriented(code: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
@@ -495,7 +504,7 @@ def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chai
     # Blocks come before texels, and a stable sort leaves them there.
     entry = entry[np.argsort(flat[entry], kind="stable")]
     words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
-    keys, node = _numbered(flat[entry])
+    keys, node = _grouped(flat[entry])
     single = entry >> 2 >= gifts.blocks
     starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys))))
 

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from skincli import pipeline
 from skincli.bench import report, surfaces
 from skincli.bench.scene import ring
 from skincli.cli import root
+from skincli.mesh import lattice
 from skincli.mesh.model import Mesh
 from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import face_areas
@@ -121,13 +121,13 @@ def test_the_diffusion_is_measured(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_wrong_width_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    genuine = pipeline.tables
+    genuine = lattice.tables
 
     def wider(positions: Any, *of: Any) -> Any:
         # What lies 10 % nearer to each other is blurred as much wider.
         return genuine(positions / 1.1, *of)
 
-    monkeypatch.setattr(pipeline, "tables", wider)
+    monkeypatch.setattr(lattice, "tables", wider)
     monkeypatch.setattr(surfaces, "pictures", lambda *_: [])
     done = bench()
     assert done.exit_code == 1
