@@ -36,6 +36,9 @@ Settings = Mapping[str, int | str]
 #: timed frames behind every median
 ROUNDS = 3
 
+#: methods that are worth a coarser atlas than that of draft
+COARSE = ("lattice", "none", "sum_of_gaussians")
+
 #: degrees by which the camera moves from one timed frame to the next: enough to compute anew, too little to see else
 STEP = 0.01
 
@@ -199,12 +202,14 @@ def levels_of_quality(points: Sequence[Point]) -> list[dict[str, Any]]:
 def grid(full: bool) -> list[tuple[str, Settings]]:
     """Return what the picture's sweep runs: method and settings.
 
-    By default every method with the Gaussians of draft and two atlas sizes, the lattice with other numbers of them, and
-    the lattice as standard has it; `full` is every method with all numbers of Gaussians and the atlas of every level.
+    By default every method as draft has it, those of COARSE on an atlas of half the side, too, the lattice with other
+    numbers of Gaussians, and as standard has it; `full` is every method with all numbers of Gaussians and the atlas of
+    every level.
     """
     draft = {"atlas": ATLAS_OF_QUALITY["draft"], "terms": TERMS_OF_QUALITY["draft"]}
     standard = {"atlas": ATLAS_OF_QUALITY["standard"], "terms": TERMS_OF_QUALITY["standard"]}
-    sizes: list[int] = [draft["atlas"] // 2, draft["atlas"]]
+    coarse = draft["atlas"] // 2
+    sizes: list[int] = [coarse, draft["atlas"]]
     counts: list[int] = [draft["terms"]]
     others = [terms for terms in range(1, standard["terms"] + 1) if terms != draft["terms"]]
     rest: list[tuple[str, Settings]] = [("lattice", {**draft, "terms": terms}) for terms in others]
@@ -215,6 +220,8 @@ def grid(full: bool) -> list[tuple[str, Settings]]:
         rest = []
     found: list[tuple[str, Settings]] = []
     for method, size in itertools.product(METHODS, sizes):
+        if size == coarse and method not in COARSE and not full:
+            continue
         if method in WITHOUT_TERMS:
             found.append((method, {"atlas": size}))
         else:

@@ -35,7 +35,7 @@ REACH = 3
 SPREAD = 2
 
 #: texels of a row in all tables and node textures, a power of two
-WIDTH = 2048
+WIDTH = 4096
 
 #: sigmas between the nodes by which bent surface is found, how long a mean normal says it is not, and how many rings
 #: of such nodes lie within reach of a bent one
