@@ -630,12 +630,13 @@ class Pipeline:
         """For each width the tables of its windows or its lattice, with the key that names them."""
         # What texels the driver fills, and where they lie, it knows best.
         driver = "{renderer}, {version}".format(**device_info())
-        about = f"{driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
+        rooms = " ".join(module_digest(room.__name__).hex() for room in (lattice, windows))
+        about = f"{rooms} {driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
         wanted: list[tuple[ModuleType, float, int, str]] = []
         for width in self._widths:
             room, factor = (windows, window_factor) if width < self._least_lattice else (lattice, lattice.block_factor)
             texels = factor(width, self._texel)
-            wanted.append((room, width, texels, f"{about} {module_digest(room.__name__).hex()} {width!r} {texels}"))
+            wanted.append((room, width, texels, f"{about} {width!r} {texels}"))
 
         def kind(room: ModuleType) -> str:
             return room.__name__.rpartition(".")[2]

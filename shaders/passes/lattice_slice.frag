@@ -43,6 +43,8 @@ void main() {
     shortest *= 2.0 * sign;
     int across = beside(own, sign);
     ivec4 node = ivec4(own, beside(across, longest - sign), across, beside(own, sign - shortest));
+    // Where rounding chooses the tetrahedron next door, a node that no texel reads has next to no weight: it gets none.
+    weight *= vec4(lessThan(node, ivec4(bent ? p.bent : p.nodes)));
     mat4 from = mat4(
         vec4(1.0, 0.5 * offset),
         vec4(1.0, 0.5 * (offset - longest)),

@@ -395,7 +395,11 @@ class Surface:
         refs = [*self.terms, Ref("diffused", "blurred")]
         found = [self.at(image)[wanted] for image in self._read(*refs)]
         # Where a Gaussian finds no light, what lies there stays, as in the sum.
-        return [np.where(value[:, 3:] > 0, value[:, :3], self._light[wanted]) for value in found]
+        shares = [np.where(value[:, 3:] > 0, value[:, 3:], 1) for value in found]
+        return [
+            np.where(value[:, 3:] > 0, value[:, :3] / share, self._light[wanted])
+            for value, share in zip(found, shares, strict=True)
+        ]
 
     def constant_change(self) -> float:
         """Return the greatest relative change of constant light, of any Gaussian and the profile, at any texel."""

@@ -440,6 +440,8 @@ def slice_twin(
 
     across = beside(own, sign)
     node = np.stack([own, beside(across, longest - sign), across, beside(own, sign - shortest)], axis=1)
+    # See the shader: rounding may choose the tetrahedron next door.
+    weights = weights * (node < np.where(turned, len(bent), read)[:, None])
     away = np.stack([offset, offset - longest, offset - sign, offset - sign + shortest], axis=1)
     found = np.zeros((len(words), 4))
     straight = averages[np.minimum(node[~turned], read - 1)]
