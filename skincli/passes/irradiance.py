@@ -169,11 +169,11 @@ def _changes(
     own = index[rows]
     moved: list[Floats] = []
     turned: list[Floats] = []
-    for stride in (1, width):
+    for stride, along_row in ((1, True), (width, False)):
         found = []
         for step in (stride, -stride):
             beside = np.minimum(np.searchsorted(index, own + step), len(index) - 1)
-            known = (index[beside] == own + step) & (np.abs((own + step) % width - own % width) <= 1)
+            known = (index[beside] == own + step) & ((not along_row) | ((own + step) // width == own // width))
             change = [np.sign(step) * (array[beside] - array[rows]) for array in (position, normal)]
             found.append((np.where(known, np.linalg.norm(change[0], axis=1), np.inf), *change))
         (forth, *ahead), (back, *behind) = found

@@ -145,3 +145,16 @@ def test_texels_side_by_side_need_not_be_neighbors() -> None:
     np.testing.assert_allclose(mean[:, 0], 1e5 + position[:, 0] ** 2 + 1 / 12, rtol=1e-12)
     ends = np.array([3, 4]), 4, position[[0, 2]], normal[:2]
     np.testing.assert_allclose(averaged(lit, *ends, SAMPLES)[:, 0], 1e5 + ends[2][:, 0] ** 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_the_end_of_a_row_is_not_beside_the_next(width: int) -> None:
+    """The second row begins in space where the first one ends; texels are as wide as their own row says."""
+    row, column = (axis.ravel() for axis in np.mgrid[0:2, 0:width])
+    along = 10.0 * (width - 1) + 0.5
+    position = np.stack([10.0 * column + along * row, 0.0 * row, 0.0 * row], axis=1)
+    normal = np.broadcast_to([0.0, 0.0, 1.0], position.shape)
+    lit = Lit(lambda P: 1e5 + P[:, :1] ** 2)
+    mean = averaged(lit, np.arange(2 * width), width, position, normal, SAMPLES)
+    wide = 10.0 if width > 1 else 0.0
+    np.testing.assert_allclose(mean[:, 0], 1e5 + position[:, 0] ** 2 + (wide**2 + along**2) / 12, rtol=1e-9)
