@@ -227,10 +227,13 @@ def tables(
     return LatticeTables(spacing, left, factor, place_bits, whole, turned, slices.reshape(size, size, 1))
 
 
-def _points(
-    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
-) -> _Points:
-    """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
+def block_means(
+    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int
+) -> tuple[Keys, Floats, Floats, Floats]:
+    """Return the block of each texel, and of each block what it holds, its middle and its mean normal.
+
+    Parameters are those of `tables`; a block holds its area and next to nothing more, 0 where it has no texel.
+    """
     row, column = np.divmod(texel, size)
     side = -(-size // factor)
     block = row // factor * side + column // factor
@@ -242,8 +245,20 @@ def _points(
 
     total = summed(mass)
     held = np.maximum(total, 1e-300)
-    middle = np.stack([summed(mass * axis) / held for axis in positions.T], axis=1)
-    mean = np.stack([summed(mass * axis) / held for axis in normals.T], axis=1)
+    middle, mean = (np.stack([summed(mass * axis) / held for axis in of.T], axis=1) for of in (positions, normals))
+    return block, total, middle, mean
+
+
+def _points(
+    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
+) -> _Points:
+    """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
+    side = -(-size // factor)
+    block, total, middle, mean = block_means(positions, normals, areas, texel, size, factor)
+
+    def summed(values: Floats) -> Floats:
+        return np.bincount(block, values, side * side).astype(np.float64)
+
     away = np.sum((positions - middle[block]) ** 2, axis=1)
     apart = (summed((away > reach**2).astype(np.float64)) > 0) | (np.linalg.norm(mean, axis=1) < BENT_BELOW)
     alone = np.flatnonzero(apart[block])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.errors import LimitError
-from skincli.mesh.lattice import as_floats, bent, rows
+from skincli.mesh.lattice import as_floats, bent, block_means, rows
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -88,20 +88,10 @@ def tables(
     LimitError : the charts have more borders than a table can name
     """
     side = -(-size // factor)
-    row, column = np.divmod(texel, size)
-    block = row // factor * side + column // factor
-    # Where a block holds no area, its middle counts.
-    mass = areas + 1e-9 * areas.mean()
-
-    def summed(values: Floats) -> Floats:
-        return np.bincount(block, values, side * side).astype(np.float64)
-
-    held = summed(mass)
+    block, held, middle, mean = block_means(positions, normals, areas, texel, size, factor)
     some = np.flatnonzero(held)
-    place, facing = (
-        np.stack([summed(mass * axis)[some] / held[some] for axis in of.T], axis=1) for of in (positions, normals)
-    )
-    area = summed(areas)[some]
+    place, facing = middle[some], mean[some]
+    area = np.bincount(block, areas, side * side).astype(np.float64)[some]
     gives = area > 0
     radius, whole = _boxes(some, side, place, area, REACH * sigma)
     turned, _ = bent(place, facing, area, sigma)
