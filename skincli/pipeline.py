@@ -416,6 +416,7 @@ class Pipeline:
                 self.atlas_size,
                 draws_of(self._atlas_lights()),
                 {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal")},
+                defines=irradiance.DEFINES,
             )
         )
         way_in = AbsorbValues(WAYS_IN[self.scene.render.diffusion.albedo])

@@ -22,10 +22,6 @@ void change(ivec2 texel, ivec2 step, vec3 P, vec3 N, out vec3 dP, out vec3 dN) {
     }
 }
 
-// Share of the brightest by which the light at the center and at the corners differ where it is looked at more closely;
-// from twice as much on, what is seen closely replaces the rest.
-const float CHANGE = 0.05;
-
 vec3 P, P_u, P_v, N, N_u, N_v;
 
 // What the surface receives at a place, in texels from the center; and what it would if it faced the light.

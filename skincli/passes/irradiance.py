@@ -21,6 +21,9 @@ MAX_SLOTS = 64
 #: closely; from twice as much on, what is seen closely replaces the rest
 CHANGE = 0.05
 
+#: what the shader shares with the twin
+DEFINES = (("CHANGE", str(CHANGE)),)
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
