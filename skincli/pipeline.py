@@ -47,6 +47,7 @@ from skincli.passes.display import Display, DisplayValues
 from skincli.passes.irradiance import Irradiance, IrradianceValues, LightValues
 from skincli.passes.lattice import Term, lattice_nodes
 from skincli.passes.maps import Maps, MapSource
+from skincli.passes.near import cubes, near_nodes
 from skincli.passes.occlusion import Occlusion, OcclusionValues
 from skincli.passes.occlusion_band import BandValues, OcclusionBand
 from skincli.passes.reflection import Reflection, ReflectionValues
@@ -71,6 +72,10 @@ ATLAS_GUTTER = 2
 #: mm: narrower Gaussians take more nodes of the surface lattice than they are worth; and how many of their variances a
 #: surface may measure before they take more than tables can name
 LEAST_LATTICE, MOST_SPOTS = 0.75, 600_000
+
+#: standard deviations from which the passes bring light to what the picture sees, all told: nodes of the lattice and
+#: their gradients lie within three, its blurs reach six, and windows as far as matters in float32
+REACH = 9.0
 
 _log = logging.getLogger("skincli")
 
@@ -125,6 +130,9 @@ OUTPUTS: Mapping[str, OutputKind] = {
 
 #: the outputs that need light to be diffused: its tables are not made where nobody asks for one of them
 DIFFUSED = frozenset({"beauty", "diffuse", "diffused"})
+
+#: the outputs that are of the whole atlas, whatever the picture sees of it
+WHOLE = frozenset({"irradiance", "diffused"})
 
 #: the picture as a display shows it; PNG files are made of it
 DISPLAYED = Ref("display", "displayed")
@@ -284,6 +292,7 @@ class Pipeline:
     skip : False runs every node and remembers nothing
     exact : what `diffusion: exact` calls; see skincli.reference.texels
     use_cache : whether tables come from the disk cache; left out, as `skip`
+    single : True computes light only near what the picture sees, which other views of the same light cannot reuse
 
     Raises
     ------
@@ -299,6 +308,7 @@ class Pipeline:
         skip: bool = True,
         exact: Exact | None = None,
         use_cache: bool | None = None,
+        single: bool = False,
     ) -> None:
         self.loaded = loaded
         self.scene = loaded.scene
@@ -314,7 +324,8 @@ class Pipeline:
         diffuses = not skip or not DIFFUSED.isdisjoint(self.scene.outputs)
         self.method = render.diffusion_method if diffuses else "none"
         #: whether light is diffused in the whole atlas, or only where the picture reads it
-        self.whole = not skip or "diffused" in self.scene.outputs
+        self.whole = not skip or not WHOLE.isdisjoint(self.scene.outputs)
+        self._single = single
         self._exact = exact
         if render.diffusion_method == "exact" and exact is None:
             raise InputError(
@@ -361,7 +372,7 @@ class Pipeline:
         """
         diffuses = display or not DIFFUSED.isdisjoint(outputs)
         method = self.scene.render.diffusion_method if diffuses else self.method
-        whole = self.whole or "diffused" in outputs
+        whole = self.whole or not WHOLE.isdisjoint(outputs)
         if (method, whole) != (self.method, self.whole):
             self.method, self.whole = method, whole
             self.__dict__.pop("_widths", None)
@@ -409,25 +420,28 @@ class Pipeline:
         maps = [self._maps(index, look, nodes) for index, look in enumerate(self.looks)]
         # mesh + height -> surface, in the atlas
         nodes.append(self._atlas(maps))
+        # mesh + camera -> view -> the part of the atlas in which light is wanted
+        values = self._camera_values()
+        per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
+        nodes.append(View("view", self.size, per_part, geometry=self.geometry))
+        seen, wanted = self._wanted(nodes)
         # surface + lights -> irradiance -> diffused irradiance
         nodes.append(
             Irradiance(
                 "irradiance",
                 self.atlas_size,
-                draws_of(self._atlas_lights()),
-                {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal")},
-                defines=irradiance.DEFINES,
+                [tiled(self.atlas_size, light) for light in self._atlas_lights()],
+                {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal"), "seen": wanted},
+                defines=(*irradiance.DEFINES, *tile_defines(self.atlas_size)),
             )
         )
         way_in = AbsorbValues(WAYS_IN[self.scene.render.diffusion.albedo])
-        incoming = {"image": Ref("irradiance", "irradiance"), "albedo": Ref("atlas", "albedo")}
-        nodes.append(Absorb("incoming", self.atlas_size, [Draw(way_in)], incoming))
-        # mesh + camera -> view; view -> occlusion; view + lights -> specular; view + environment -> reflection
-        values = self._camera_values()
+        incoming = {"image": Ref("irradiance", "irradiance"), "albedo": Ref("atlas", "albedo"), "seen": wanted}
+        absorbed = tiled(self.atlas_size, way_in)
+        nodes.append(Absorb("incoming", self.atlas_size, [absorbed], incoming, defines=tile_defines(self.atlas_size)))
+        nodes += self._diffusion(nodes, seen, wanted)
+        # view -> occlusion; view + lights -> specular; view + environment -> reflection
         view = {"depth": Ref("view", "depth"), "normal": Ref("view", "normal")}
-        per_part = [Draw(own, self._map_inputs(maps, part), "faces", part) for part, own in enumerate(values["view"])]
-        nodes.append(View("view", self.size, per_part, geometry=self.geometry))
-        nodes += self._diffusion(nodes)
         for band in ("high", "low"):
             name = f"occlusion_{band}"
             nodes.append(OcclusionBand(f"{name}_samples", self.size, draws_of(values[f"{name}_samples"]), view))
@@ -520,10 +534,25 @@ class Pipeline:
             IrradianceValues(**asdict(light), samples=samples, response=response) for light in (ambient, *self._lights)
         ]
 
-    def _diffusion(self, before: Sequence[Node]) -> list[Node]:
+    def _wanted(self, nodes: list[Node]) -> tuple[Source, Source]:
+        """Append what finds the tiles of the atlas that the picture reads, and those whose light reaches them."""
+        if self.whole or self.method not in ("lattice", "sum_of_gaussians", "none", "exact"):
+            return ONE, ONE
+        depth, uv, position = Ref("view", "depth"), Ref("view", "uv"), Ref("atlas", "position")
+        nodes.append(seen_node(self.atlas_size, self.size, depth, uv))
+        seen = Ref("seen", "seen")
+        if not self._single or self.method not in ("lattice", "none"):
+            return seen, ONE
+        if not self._widths:
+            return seen, seen
+        grid = cubes(self.mesh.positions, REACH * self._widths[-1])
+        nodes += near_nodes(self.atlas_size, self.size, grid, depth, uv, position)
+        return seen, Ref("wanted", "wanted")
+
+    def _diffusion(self, before: Sequence[Node], seen: Source, wanted: Source) -> list[Node]:
         """How light spreads below the surface: a sum of Gaussians, each a level, or the paper's blur.
 
-        `before` are the nodes so far.
+        `before` are the nodes so far; `seen` and `wanted` tiles of the atlas, see `_wanted`.
         """
         image, position, size = Ref("incoming", "absorbed"), Ref("atlas", "position"), self.atlas_size
         if self.method == "paper":
@@ -533,10 +562,6 @@ class Pipeline:
         terms: list[Source] = [image]
         nodes: list[Node] = []
         metric, owner = Ref("atlas", "metric"), position
-        seen: Source = ONE
-        if self.method in ("lattice", "sum_of_gaussians", "none", "exact") and not self.whole:
-            nodes.append(seen_node(size, self.size, Ref("view", "depth"), Ref("view", "uv")))
-            seen = Ref("seen", "seen")
         spread: Source = Ref("atlas", "spread") if self.method == "lattice" and self._spreads else ONE
         if self.method == "exact":
             nodes.append(self._blank)
@@ -547,7 +572,7 @@ class Pipeline:
 
             def block(factor: int) -> WindowSource:
                 if factor not in blocks:
-                    blocks[factor] = block_node(size, image, metric, position, normal, factor)
+                    blocks[factor] = block_node(size, image, metric, position, normal, wanted, factor)
                     nodes.append(blocks[factor])
                 return blocks[factor]
 

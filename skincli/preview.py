@@ -98,7 +98,7 @@ def _lit(skin: LoadedSkin, mesh: str) -> Array:
         loaded = load_scene(file, outputs=OUTPUTS)
         size = min(skin.skin.size, LIT_SIZE)
         worn = LoadedSkin(skin.skin.model_copy(update={"size": size}), skin.folder)
-        pipeline = Pipeline(replace(loaded, skins={"": worn}), load_builtin(mesh, None))
+        pipeline = Pipeline(replace(loaded, skins={"": worn}), load_builtin(mesh, None), single=True)
         display = pipeline.run([], display=True)["display"]
     return display[..., :3]
 

@@ -299,7 +299,7 @@ class Sweep:
     def pipeline(self, *sets: str, exact: SeenTexels | None = None, store: Store | None = None) -> Pipeline:
         """Return the scene in `shading: physical`, one sample a pixel, with settings."""
         loaded = self.make("render.shading=physical", "render.supersample=1", *sets)
-        return Pipeline(loaded, self.mesh, store or self.store, exact=exact)
+        return Pipeline(loaded, self.mesh, store or self.store, exact=exact, single=True)
 
     # -- the clock -----------------------------------------------------------------------------------------------
 

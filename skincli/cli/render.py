@@ -64,7 +64,7 @@ def command(
         require_writable(report)
     get_context(require_gpu)
     mesh = load_scene_mesh(loaded, use_cache=not no_skip)
-    pipeline = Pipeline(loaded, mesh, skip=not no_skip, exact=diffuse_texels)
+    pipeline = Pipeline(loaded, mesh, skip=not no_skip, exact=diffuse_texels, single=True)
     timing = explain or report is not None
     frame = {"frame": 1, **render.render_frame(pipeline, target, loaded.scene.outputs, timing, check)}
     if report is not None:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
-from skincli.graph.node import Input, Output, Pass, Source
+from skincli.graph.node import Input, Output, Source
+from skincli.passes.seen import Tiled
 
 #: square roots of the albedo that meet light on its way in, by what a scene says of the albedo
 WAYS_IN = {"after": 0, "split": 1, "before": 2}
@@ -21,11 +22,11 @@ class AbsorbValues(Values):
     way_in: int
 
 
-class Absorb(Pass):
+class Absorb(Tiled):
     """Irradiance times a part of the albedo (rgb) and coverage (a) [dEon2007, section 14.4.1]."""
 
     shader = "passes/absorb.frag"
-    inputs = {"image": Input(), "albedo": Input()}
+    inputs = {"seen": Input(), "image": Input(), "albedo": Input()}
     outputs = {"absorbed": Output()}
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Slots, Values, Vec3
-from skincli.graph.node import Input, Output, Pass
+from skincli.graph.node import Input, Output
+from skincli.passes.seen import Tiled
 
 AMBIENT, DIRECTIONAL, POINT, SPOT = range(4)
 
@@ -75,12 +76,12 @@ class IrradianceValues(LightValues):
     response: Slots = ()
 
 
-class Irradiance(Pass):
+class Irradiance(Tiled):
     """Irradiance times the skin's factors (rgb) and coverage (a); float32, so that many lights add up exactly."""
 
     shader = "passes/irradiance.frag"
     additive = True
-    inputs = {"position": Input(), "normal": Input()}
+    inputs = {"seen": Input(), "position": Input(), "normal": Input()}
     outputs = {"irradiance": Output()}
 
 

@@ -38,7 +38,7 @@ def seen_node(atlas: tuple[int, int], size: tuple[int, int], depth: Source, uv: 
     depth, uv : of the picture: above 0 where there is a surface; where it reads the atlas (zw)
     """
     draw = Draw(SeenValues((float(atlas[0]), float(atlas[1]))), points=size[0] * size[1])
-    return Seen("seen", _tiles(atlas), [draw], {"depth": depth, "uv": uv}, defines=tile_defines(atlas))
+    return Seen("seen", tile_extent(atlas), [draw], {"depth": depth, "uv": uv}, defines=tile_defines(atlas))
 
 
 class Tiled(Pass):
@@ -49,15 +49,32 @@ class Tiled(Pass):
 
 def tiled(size: tuple[int, int], values: Values, inputs: Mapping[str, Source] | None = None) -> Draw:
     """Return a draw of such a pass into a target of a size."""
-    return Draw(values, inputs or {}, points=math.prod(_tiles(size)))
+    return Draw(values, inputs or {}, points=math.prod(tile_extent(size)))
 
 
-def tile_defines(size: tuple[int, int]) -> tuple[tuple[str, str], ...]:
-    """Return what the shaders of such a pass need to know."""
-    columns, rows = _tiles(size)
-    return ("TILE", str(math.gcd(MOST, *size))), ("TILES", f"ivec2({columns}, {rows})")
+def tile_defines(atlas: tuple[int, int], factor: int = 1) -> tuple[tuple[str, str], ...]:
+    """Return what the shaders of such a pass need to know.
+
+    Parameters
+    ----------
+    atlas : of whose tiles `seen` tells
+    factor : texels along the side of a block, where the target has blocks
+    """
+    size = blocks_extent(atlas, factor)
+    columns, rows = tile_extent(size)
+    tiles = ("TILE", str(_side(size))), ("TILES", f"ivec2({columns}, {rows})")
+    return *tiles, ("FACTOR", str(factor)), ("SEEN_TILE", str(_side(atlas)))
 
 
-def _tiles(size: tuple[int, int]) -> tuple[int, int]:
-    side = math.gcd(MOST, *size)
-    return size[0] // side, size[1] // side
+def blocks_extent(atlas: tuple[int, int], factor: int) -> tuple[int, int]:
+    """Return the blocks of so many texels along the sides of an atlas."""
+    return -(-atlas[0] // factor), -(-atlas[1] // factor)
+
+
+def tile_extent(size: tuple[int, int]) -> tuple[int, int]:
+    """Return the tiles along the sides of a target."""
+    return size[0] // _side(size), size[1] // _side(size)
+
+
+def _side(size: tuple[int, int]) -> int:
+    return math.gcd(MOST, *size)

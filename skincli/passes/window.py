@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
-from skincli.graph.node import Draw, Input, Node, Output, Pass, Ref, Source
+from skincli.graph.node import Input, Node, Output, Ref, Source
 from skincli.mesh.lattice import as_words
 from skincli.mesh.windows import RADIUS_BITS, ROW_BITS, WindowTables, runs
 from skincli.passes.lattice import DEFINES, table_loads
-from skincli.passes.seen import Tiled, tile_defines, tiled
+from skincli.passes.seen import Tiled, blocks_extent, tile_defines, tiled
 
 #: standard deviations that a Gaussian needs to have in texels, and those from which on blocks of them are summed
 LEAST_SAMPLES, BLOCK_SAMPLES = 0.4, 1.5
@@ -27,15 +27,15 @@ class WindowSourceValues(Values):
     factor: int
 
 
-class WindowSource(Pass):
+class WindowSource(Tiled):
     """Blocks of texels: irradiance times area (rgb, a = mm²), mean position (mm) and mean normal."""
 
     shader = "passes/window_source.frag"
-    inputs = {"image": Input(), "area": Input(), "position": Input(), "normal": Input()}
+    inputs = {name: Input() for name in ("seen", "image", "area", "position", "normal")}
     outputs = {
-        "light": Output(needs=("image", "area")),
-        "place": Output(needs=("area", "position")),
-        "facing": Output(needs=("area", "normal")),
+        "light": Output(needs=("seen", "image", "area")),
+        "place": Output(needs=("seen", "area", "position")),
+        "facing": Output(needs=("seen", "area", "normal")),
     }
 
 
@@ -70,18 +70,27 @@ class Window(Tiled):
 
 
 def block_node(
-    size: tuple[int, int], image: Source, area: Source, position: Source, normal: Source, factor: int
+    size: tuple[int, int],
+    image: Source,
+    area: Source,
+    position: Source,
+    normal: Source,
+    wanted: Source,
+    factor: int,
 ) -> WindowSource:
     """Return the node that sums blocks.
 
     Parameters
     ----------
+    size : of the atlas
     image, area, position, normal : in the atlas: irradiance, mm² of each texel, mm with the slot, unit
+    wanted : tiles of the atlas whose blocks are read
     factor : texels along the side of a block
     """
-    blocks = (-(-size[0] // factor), -(-size[1] // factor))
-    inputs = {"image": image, "area": area, "position": position, "normal": normal}
-    return WindowSource(f"blocks_{factor}", blocks, [Draw(WindowSourceValues(factor))], inputs)
+    blocks = blocks_extent(size, factor)
+    inputs = {"seen": wanted, "image": image, "area": area, "position": position, "normal": normal}
+    draw = tiled(blocks, WindowSourceValues(factor))
+    return WindowSource(f"blocks_{factor}", blocks, [draw], inputs, defines=tile_defines(size, factor))
 
 
 def window_factor(sigma: float, texel: float) -> int:

@@ -19,10 +19,10 @@ from skincli.graph.frame_graph import FrameGraph
 from skincli.graph.node import ONE, Load, Ref
 from skincli.mesh import windows
 from skincli.mesh.model import Mesh
-from skincli.passes import window
+from skincli.passes import near, window
 from skincli.passes.lattice import LatticeSlice
 from skincli.passes.seen import Seen
-from skincli.passes.window import Window, WindowValues, block_node, window_nodes
+from skincli.passes.window import Window, WindowSource, WindowValues, block_node, window_nodes
 from skincli.pipeline import DIFFUSED, OUTPUTS, Pipeline
 from skincli.reference.texels import diffuse_texels
 
@@ -219,6 +219,42 @@ def test_only_what_the_picture_reads_is_diffused(tmp_path: Path, method: str, si
     np.testing.assert_array_equal(seen, wanted)
 
 
+@pytest.mark.parametrize("side", [120, 101, 514])
+def test_light_is_computed_only_near_what_the_picture_sees(tmp_path: Path, side: int) -> None:
+    """Bit by bit the same picture; tiles of 8 texels, of one, and of two, where blocks of them give light, too."""
+    optics = "skin.optics={color: [0.8, 0.6, 0.5], radius: [1.5, 1, 0.7]}"
+    sets = (optics, "camera.target=[70, 0, 30]", "camera.fov=7")
+    text = load(tmp_path, SCENE, *sets, f"render.atlas={side}", "outputs=[beauty]")
+    part, whole = Pipeline(text, mesh(), single=True), Pipeline(text, mesh(), skip=False)
+    found, expected = (made.run(["beauty"])["beauty"] for made in (part, whole))
+    np.testing.assert_array_equal(found, expected)
+    assert found.max() > 0.1
+    factors = {node.draws[0].values.factor for node in part.graph.nodes.values() if isinstance(node, WindowSource)}
+    assert (max(factors) > 1) == (side == 514)
+    ref = Ref("irradiance", "irradiance")
+    few, all_ = (np.count_nonzero(read_back(made.graph.run([ref])[ref])[..., 3]) for made in (part, whole))
+    assert few < 0.8 * all_
+    # Who asks for the atlas gets all of it.
+    found, expected = (made.run(["irradiance"])["irradiance"] for made in (part, whole))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_what_lies_within_reach_lies_in_the_same_cube_or_beside_it() -> None:
+    random = np.random.default_rng(2)
+    for reach in (0.01, 3.0, 500.0):
+        points = random.uniform(-50, 80, (4000, 3)) * [1, 2, 0.5]
+        values = near.cubes(points, reach)
+        cube = np.clip(np.floor((points - values.low) / values.side), 0, np.array(values.count) - 1)
+        assert (cube == np.floor((points - values.low) / values.side)).all()
+        assert max(values.count) <= near.MOST_CUBES
+        close = np.linalg.norm(points[:2000] - points[2000:], axis=1) <= reach
+        pairs = np.abs(cube[:2000] - cube[2000:]).max(axis=1)
+        assert (pairs[close] <= 1).all()
+        beside = points + random.normal(size=points.shape) * reach / 3
+        away = np.floor((beside - values.low) / values.side) - cube
+        assert (np.abs(away[np.linalg.norm(beside - points, axis=1) <= reach]) <= 1).all()
+
+
 LAYOUTS: Mapping[str, Callable[[Array], Array]] = {
     "mirrored": lambda uv: np.stack([1 - uv[:, 0], uv[:, 1]], axis=1),
     "turned": lambda uv: np.stack([uv[:, 1], 1 - uv[:, 0]], axis=1),
@@ -271,7 +307,7 @@ def test_window_matches_its_twin(ctx: object, factor: int) -> None:
         padded = np.concatenate([values, np.ones((side**2, 4 - values.shape[1]))], axis=1).reshape(side, side, 4)[::-1]
         loads.append(Load(name, f"{name} {factor}", functools.partial(list, [padded])))
     image, area, position, facing = (Ref(name, "image") for name in ("image", "area", "position", "normal"))
-    blocks = block_node((side, side), image, area, position, facing, factor)
+    blocks = block_node((side, side), image, area, position, facing, ONE, factor)
     nodes = window_nodes("window", (side, side), blocks, position, facing, ONE, sigma, 0.4, f"{factor}", made)
     graph = FrameGraph([*loads, blocks, *nodes])
     refs = [Ref(blocks.name, name) for name in blocks.outputs]

@@ -45,7 +45,7 @@ def both(values: np.ndarray, radius: float, sigmas: dict[float, tuple[float, flo
         data = np.concatenate([pixels, np.ones((SIZE, SIZE, 4 - pixels.shape[2]))], axis=2)
         loads.append(Load(name, f"{name} {radius} {values.sum()}", lambda data=data: [data]))
     image, position, normal, texels = (Ref(name, "image") for name in ("image", "position", "normal", "area"))
-    blocks = block_node((SIZE, SIZE), image, texels, position, normal, 1)
+    blocks = block_node((SIZE, SIZE), image, texels, position, normal, ONE, 1)
     graph = FrameGraph(
         [*loads, blocks, *lattice_nodes("sum", (SIZE, SIZE), image, position, normal, texels, blocks, ONE, terms)]
     )

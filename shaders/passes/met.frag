@@ -1,0 +1,4 @@
+// A cube in which the picture sees a surface.
+void main() {
+    met = vec4(1.0);
+}

@@ -1,0 +1,19 @@
+// Cubes in which the picture sees a surface, and their neighbors.
+#include "lib/cubes.glsl"
+
+void main() {
+    ivec2 place = ivec2(gl_FragCoord.xy);
+    int across = int(p.count.x);
+    ivec3 own = ivec3(place.x % across, place.y, place.x / across);
+    ivec3 first = max(own - 1, ivec3(0));
+    ivec3 last = min(own + 1, ivec3(p.count) - 1);
+    float found = 0.0;
+    for (int z = first.z; z <= last.z; ++z) {
+        for (int y = first.y; y <= last.y; ++y) {
+            for (int x = first.x; x <= last.x; ++x) {
+                found = max(found, texelFetch(met, place_of(ivec3(x, y, z)), 0).r);
+            }
+        }
+    }
+    near = vec4(found);
+}
