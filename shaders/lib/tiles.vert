@@ -1,4 +1,4 @@
-// One point over each tile of the target that is wanted; a constant 1 wants all of them.
+// One point over each tile of the target that is wanted.
 uniform sampler2D seen;
 
 void main() {

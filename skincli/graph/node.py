@@ -163,7 +163,7 @@ class Pass(Node):
     """
 
     shader: ClassVar[str]
-    vertex: ClassVar[str] = "lib/screen.vert"
+    vertex: str = "lib/screen.vert"
     inputs: Mapping[str, Input] = {}
     outputs: Mapping[str, Output] = {}
     #: add to what is there (float32), instead of replacing it

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from skincli.gpu.blocks import Values, Vec2
-from skincli.graph.node import Draw, Input, Output, Pass, Source
+from skincli.graph.node import ONE, Draw, Input, Output, Pass, Source
 
 #: texels along the side of a tile, where that divides the atlas
 MOST = 8
@@ -42,9 +43,14 @@ def seen_node(atlas: tuple[int, int], size: tuple[int, int], depth: Source, uv: 
 
 
 class Tiled(Pass):
-    """A pass over those tiles of its target that its input `seen` names."""
+    """A pass over those tiles of its target that its input `seen` names; over all of it where that is ONE."""
 
-    vertex = "lib/tiles.vert"
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        if self.wired.get("seen") == ONE:
+            self.draws = tuple(replace(draw, points=0) for draw in self.draws)
+        else:
+            self.vertex = "lib/tiles.vert"
 
 
 def tiled(size: tuple[int, int], values: Values, inputs: Mapping[str, Source] | None = None) -> Draw:
