@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property, partial
 from types import ModuleType
 from typing import Any
@@ -528,10 +528,16 @@ class Pipeline:
         response = tuple((look.surface.ambient, look.surface.diffuse, 0.0, 0.0) for look in self.looks)
         # Uniform ambient radiance L gives the irradiance pi L; the paper's ambient light is a plain Phong color.
         scale = 1.0 if self.paper else math.pi
-        ambient = LightValues(tuple(scale * x for x in self.scene.ambient), irradiance.AMBIENT)
-        samples = self.scene.render.irradiance_samples
+        ambient = tuple(scale * x for x in self.scene.ambient)
         return [
-            IrradianceValues(**asdict(light), samples=samples, response=response) for light in (ambient, *self._lights)
+            IrradianceValues(
+                **block,
+                ambient=(0.0, 0.0, 0.0) if number else ambient,
+                covers=0.0 if number else 1.0,
+                samples=self.scene.render.irradiance_samples,
+                response=response,
+            )
+            for number, block in enumerate(irradiance.in_blocks(self._lights))
         ]
 
     def _wanted(self, nodes: list[Node]) -> tuple[Source, Source]:
@@ -790,11 +796,9 @@ class Pipeline:
             )  # fmt: skip
             values[f"occlusion_{band}_samples"] = [band_values]
         dull = int(strength == 0 or all(look.surface.specular == 0 for look in self.looks))
-        # Without a light there is nothing to add up; one that shines nothing keeps the node's form.
-        lights = self._lights or [LightValues((0.0, 0.0, 0.0), irradiance.DIRECTIONAL)]
         values["specular"] = [
-            SpecularValues(**asdict(light), **axes, **lens, eye=view.eye, scale=self._radiance, dull=dull)
-            for light in lights
+            SpecularValues(**block, **axes, **lens, eye=view.eye, scale=self._radiance, dull=dull)
+            for block in irradiance.in_blocks(self._lights)
         ]
         values["reflection"] = [
             ReflectionValues(

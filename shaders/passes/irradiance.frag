@@ -1,4 +1,4 @@
-// One additive pass per light in texture space: ambient and diffuse terms only [Fecko2013, section 4.2.1].
+// What arrives in texture space: ambient and diffuse terms only [Fecko2013, section 4.2.1].
 // The mean over the texel, so that the edge of a light is no staircase to be diffused: of its center and corners, which
 // is exact where the light bends as a parabola; where they tell of an edge, of p.samples x p.samples places.
 #include "lib/fetch.glsl"
@@ -25,12 +25,43 @@ void change(ivec2 texel, ivec2 step, vec3 P, vec3 N, out vec3 dP, out vec3 dN) {
 vec3 P, P_u, P_v, N, N_u, N_v;
 
 // What the surface receives at a place, in texels from the center; and what it would if it faced the light.
-vec3 received_at(vec2 place, out vec3 arriving) {
+vec3 received_at(int kind, Light light, vec2 place, out vec3 arriving) {
     vec3 at = N + place.x * N_u + place.y * N_v;
     at *= inversesqrt(max(dot(at, at), 1e-30));
-    Lit lit = light_along(p.position - P - (place.x * P_u + place.y * P_v));
+    Lit lit = light_along(kind, light, light.position - P - (place.x * P_u + place.y * P_v));
     arriving = lit.irradiance;
     return max(dot(at, lit.L), 0.0) * arriving;
+}
+
+// The mean over the texel of what it receives of a light.
+vec3 mean_of(int kind, Light light) {
+    bool whole = p.samples > 1;
+    vec3 mean = vec3(0.0);
+    vec3 bend = vec3(0.0);
+    vec3 brightest = vec3(0.0);
+    int places = whole ? 5 : 1;
+    for (int i = 0; i < places; ++i) {
+        vec2 place = i == 0 ? vec2(0.0) : vec2(i & 1, (i >> 1) & 1) - 0.5;
+        vec3 arriving;
+        vec3 received = received_at(kind, light, place, arriving);
+        mean += (i > 0 ? 1.0 / 12.0 : whole ? 2.0 / 3.0 : 1.0) * received;
+        bend += (i > 0 ? -0.25 : 1.0) * arriving;
+        brightest = max(brightest, abs(arriving));
+    }
+    // The light of a directional one is everywhere the same.
+    if (kind == DIRECTIONAL) {
+        return mean;
+    }
+    vec3 edge = whole ? clamp(abs(bend) / max(CHANGE * brightest, 1e-30) - 1.0, 0.0, 1.0) : vec3(0.0);
+    // A loop costs nothing where no texel of a group needs it, in software, too.
+    int side = any(greaterThan(edge, vec3(0.0))) ? p.samples : 0;
+    vec3 closely = vec3(0.0);
+    for (int i = 0; i < side * side; ++i) {
+        vec3 arriving;
+        vec2 place = (vec2(i % p.samples, i / p.samples) + 0.5) / float(p.samples) - 0.5;
+        closely += received_at(kind, light, place, arriving);
+    }
+    return mix(mean, closely / float(p.samples * p.samples), edge);
 }
 
 void main() {
@@ -39,39 +70,26 @@ void main() {
     int slot = int(owner.w);
     vec4 response = p.response[max(slot - 1, 0)];  // x: ambient, y: diffuse factor of the skin
     float covered = slot > 0 ? 1.0 : 0.0;
-    if (p.kind == AMBIENT) {
-        irradiance = covered * vec4(p.color * response.x, 1.0);
-        return;
-    }
-    bool whole = p.samples > 1;
     P = owner.xyz;
     N = fetch(normal, texel).xyz;
     P_u = P_v = N_u = N_v = vec3(0.0);
-    if (whole) {
+    if (p.samples > 1) {
         change(texel, ivec2(1, 0), P, N, P_u, N_u);
         change(texel, ivec2(0, 1), P, N, P_v, N_v);
     }
-    // A loop costs nothing where no texel of a group needs it, in software, too.
-    vec3 mean = vec3(0.0);
-    vec3 bend = vec3(0.0);
-    vec3 brightest = vec3(0.0);
-    int places = slot > 0 ? (whole ? 5 : 1) : 0;
-    for (int i = 0; i < places; ++i) {
-        vec2 place = i == 0 ? vec2(0.0) : vec2(i & 1, (i >> 1) & 1) - 0.5;
-        vec3 arriving;
-        vec3 received = received_at(place, arriving);
-        mean += (i > 0 ? 1.0 / 12.0 : whole ? 2.0 / 3.0 : 1.0) * received;
-        bend += (i > 0 ? -0.25 : 1.0) * arriving;
-        brightest = max(brightest, abs(arriving));
+    vec3 total = vec3(0.0);
+    int point = p.directional + p.point;
+    int spot = point + p.spot;
+    // As above: where there is no surface, loops do not turn.
+    int none = slot > 0 ? 0 : spot;
+    for (int i = none; i < p.directional; ++i) {
+        total += mean_of(DIRECTIONAL, light_at(i));
     }
-    vec3 edge = whole ? clamp(abs(bend) / max(CHANGE * brightest, 1e-30) - 1.0, 0.0, 1.0) : vec3(0.0);
-    int side = any(greaterThan(edge, vec3(0.0))) ? p.samples : 0;
-    vec3 closely = vec3(0.0);
-    for (int i = 0; i < side * side; ++i) {
-        vec3 arriving;
-        vec2 place = (vec2(i % p.samples, i / p.samples) + 0.5) / float(p.samples) - 0.5;
-        closely += received_at(place, arriving);
+    for (int i = max(p.directional, none); i < point; ++i) {
+        total += mean_of(POINT, light_at(i));
     }
-    mean = mix(mean, closely / float(p.samples * p.samples), edge);
-    irradiance = vec4(covered * response.y * mean, 0.0);
+    for (int i = max(point, none); i < spot; ++i) {
+        total += mean_of(SPOT, light_at(i));
+    }
+    irradiance = covered * vec4(response.x * p.ambient + response.y * total, p.covers);
 }

@@ -350,8 +350,9 @@ class Sweep:
                 values = []
                 for draw in lit.draws:
                     assert isinstance(draw.values, IrradianceValues)
-                    color = tuple(c * (1 + 1e-5 * number) + 1e-9 * number for c in draw.values.color)
-                    values.append(replace(draw.values, color=color))
+                    factor = 1 + 1e-5 * number
+                    ambient = tuple(factor * c for c in draw.values.ambient)
+                    values.append(replace(draw.values.brighter(factor), ambient=ambient))
                 pipeline.graph.update([lit.with_values(values)])
 
         yield move

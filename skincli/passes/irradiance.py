@@ -1,10 +1,11 @@
-"""Light that reaches the surface, in texture space: one additive pass per light."""
+"""Light that reaches the surface, in texture space."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,11 @@ from skincli.gpu.blocks import Slots, Values, Vec3
 from skincli.graph.node import Input, Output
 from skincli.passes.seen import Tiled
 
-AMBIENT, DIRECTIONAL, POINT, SPOT = range(4)
+DIRECTIONAL, POINT, SPOT = 1, 2, 3
+
+#: lights of one draw: a uniform block need not hold more
+MAX_LIGHTS = 64
+Lights = Annotated[tuple[tuple[float, ...], ...], "vec4[192]"]
 
 #: skins that one mesh may carry; their factors lie side by side in a uniform block
 MAX_SLOTS = 64
@@ -30,24 +35,69 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class LightValues(Values):
-    """A light as the shaders see it; shared with the specular pass.
+class LightValues:
+    """A light as the shaders see it.
 
     Parameters
     ----------
-    color : irradiance of a directional light; intensity (the irradiance at 1 m) of point and spot; ambient light
-    kind : AMBIENT, DIRECTIONAL, POINT or SPOT
+    color : irradiance of a directional light; intensity (the irradiance at 1 m) of point and spot
+    kind : DIRECTIONAL, POINT or SPOT
     position : mm relative to the mesh
     direction : unit, where the light travels
     outer, inner : what the cosines lack to 1 between which a spot fades out
     """
 
-    color: Vec3
+    color: tuple[float, ...]
     kind: int
-    position: Vec3 = (0.0, 0.0, 0.0)
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
     outer: float = 1.0
-    direction: Vec3 = (0.0, 0.0, -1.0)
+    direction: tuple[float, ...] = (0.0, 0.0, -1.0)
     inner: float = 0.0
+
+
+@dataclass(frozen=True)
+class LightsValues(Values):
+    """Lights of one draw.
+
+    Parameters
+    ----------
+    directional, point, spot : how many there are of each kind
+    lights : three rows of each, the kinds in this order: color, 0; position, outer; direction, inner
+    """
+
+    directional: int
+    point: int
+    spot: int
+    lights: Lights
+
+    def sources(self) -> list[LightValues]:
+        """Return the lights."""
+        kinds = [DIRECTIONAL] * self.directional + [POINT] * self.point + [SPOT] * self.spot
+        rows = [self.lights[3 * k : 3 * k + 3] for k in range(len(kinds))]
+        return [
+            LightValues(color[:3], kind, position[:3], position[3], direction[:3], direction[3])
+            for kind, (color, position, direction) in zip(kinds, rows, strict=True)
+        ]
+
+    def brighter(self, factor: float) -> Self:
+        """Return the same with colors times a factor."""
+        rows = [tuple(factor * c for c in row) if k % 3 == 0 else row for k, row in enumerate(self.lights)]
+        return replace(self, lights=tuple(rows))
+
+
+def in_blocks(lights: Sequence[LightValues]) -> list[dict[str, Any]]:
+    """Return what LightsValues are made of, for as few draws as hold all lights: at least one."""
+    blocks = []
+    for first in range(0, max(len(lights), 1), MAX_LIGHTS):
+        some = sorted(lights[first : first + MAX_LIGHTS], key=lambda light: light.kind)
+        rows = [
+            row
+            for light in some
+            for row in ((*light.color, 0.0), (*light.position, light.outer), (*light.direction, light.inner))
+        ]
+        directional, point, spot = (sum(light.kind == kind for light in some) for kind in (DIRECTIONAL, POINT, SPOT))
+        blocks.append({"directional": directional, "point": point, "spot": spot, "lights": tuple(rows)})
+    return blocks
 
 
 def spot_cosines(angle: float, blend: float) -> tuple[float, float]:
@@ -63,17 +113,21 @@ def spot_cosines(angle: float, blend: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class IrradianceValues(LightValues):
-    """A light, how closely it is looked at, and per slot the skin's answer.
+class IrradianceValues(LightsValues):
+    """Lights, how closely they are looked at, and per slot the skin's answer.
 
     Parameters
     ----------
+    ambient : irradiance from everywhere, once in all draws
+    covers : what the draw adds to coverage: 1 in one of them
     samples : places along a texel's side where the light has an edge; 1: all texels are their centers
     response : x ambient factor, y diffuse factor
     """
 
-    samples: int = 1
-    response: Slots = ()
+    ambient: Vec3
+    covers: float
+    samples: int
+    response: Slots
 
 
 class Irradiance(Tiled):
@@ -187,7 +241,7 @@ def _changes(
     return moved, turned
 
 
-def twin(lights: list[IrradianceValues], position: Floats, normal: Floats) -> Floats:
+def twin(draws: Sequence[IrradianceValues], position: Floats, normal: Floats) -> Floats:
     """Return irradiance and coverage.
 
     Parameters
@@ -204,16 +258,16 @@ def twin(lights: list[IrradianceValues], position: Floats, normal: Floats) -> Fl
     index = np.flatnonzero(texels[:, 3] > 0)
     points, slot = texels[index, :3], texels[index, 3].astype(int) - 1
     result = np.zeros((len(texels), 4))
-    result[index, 3] = 1
-    for light in lights:
-        ambient, diffuse = np.array(light.response, float)[slot, :2, None].transpose(1, 0, 2)
-        if light.kind == AMBIENT:
-            result[index, :3] += ambient * np.array(light.color, float)
-            continue
+    for draw in draws:
+        ambient, diffuse = np.array(draw.response, float)[slot, :2, None].transpose(1, 0, 2)
+        result[index, :3] += ambient * np.array(draw.ambient, float)
+        result[index, 3] += draw.covers
+        for light in draw.sources():
 
-        def lit(P: Floats, N: Floats, light: LightValues = light) -> tuple[Floats, Floats]:
-            L, arriving = light_twin(light, P)
-            return arriving, np.maximum(np.sum(N * L, axis=1, keepdims=True), 0) * arriving
+            def lit(P: Floats, N: Floats, light: LightValues = light) -> tuple[Floats, Floats]:
+                L, arriving = light_twin(light, P)
+                return arriving, np.maximum(np.sum(N * L, axis=1, keepdims=True), 0) * arriving
 
-        result[index, :3] += diffuse * averaged(lit, index, position.shape[1], points, normals[index], light.samples)
+            received = averaged(lit, index, position.shape[1], points, normals[index], draw.samples)
+            result[index, :3] += diffuse * received
     return result.reshape(position.shape)[::-1]

@@ -1,7 +1,8 @@
-"""Phong highlights in picture space, one additive pass per light."""
+"""Phong highlights in picture space."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 from skincli.gpu.blocks import Vec2, Vec3
 from skincli.graph.node import ZERO, Input, Output, Pass, Source
 from skincli.passes.camera import camera_position
-from skincli.passes.irradiance import LightValues, light_twin
+from skincli.passes.irradiance import LightsValues, light_twin
 
 
 @dataclass(frozen=True)
-class SpecularValues(LightValues):
-    """A light and the camera.
+class SpecularValues(LightsValues):
+    """Lights and the camera.
 
     Parameters
     ----------
@@ -55,13 +56,13 @@ class Specular(Pass):
 
     def shortcut(self, output: str) -> tuple[Source, str] | None:
         """A skin without gloss has no highlights."""
-        lights = [draw.values for draw in self.draws if isinstance(draw.values, SpecularValues)]
-        dark = all(not any(light.color) or light.dull for light in lights)
+        draws = [draw.values for draw in self.draws if isinstance(draw.values, SpecularValues)]
+        dark = all(draw.dull or not any(any(light.color) for light in draw.sources()) for draw in draws)
         return (ZERO, "specular is off or 0, or there is no light") if dark else None
 
 
 def twin(
-    lights: list[SpecularValues],
+    draws: Sequence[SpecularValues],
     depth: NDArray[np.float64],
     normal: NDArray[np.float64],
     finish: NDArray[np.float64],
@@ -80,16 +81,17 @@ def twin(
     """
     slot = normal[..., 3].astype(int)
     total = np.zeros((*depth.shape, 3))
-    for light in lights:
+    for draw in draws:
         width, height = depth.shape[1], depth.shape[0]
-        axes = np.array([light.right, light.up, light.forward])
-        from_eye = camera_position((width, height), light.tan_half, depth) @ axes  # type: ignore[arg-type]
+        axes = np.array([draw.right, draw.up, draw.forward])
+        from_eye = camera_position((width, height), draw.tan_half, depth) @ axes  # type: ignore[arg-type]
         V = -from_eye / np.maximum(np.linalg.norm(from_eye, axis=-1, keepdims=True), 1e-6)
-        L, irradiance = light_twin(light, np.array(light.eye) + from_eye)
         N = normal[..., :3]
-        NoL = np.sum(N * L, axis=-1, keepdims=True)
-        R = 2 * NoL * N - L
-        versine = np.sum((R - V) ** 2, axis=-1, keepdims=True) / 2
-        lobe = np.where((versine < 1) & (NoL > 0), np.maximum(1 - versine, 1e-30) ** finish[..., 2:3], 0.0)
-        total += light.scale * finish[..., 1:2] * lobe * irradiance
+        for light in draw.sources():
+            L, irradiance = light_twin(light, np.array(draw.eye) + from_eye)
+            NoL = np.sum(N * L, axis=-1, keepdims=True)
+            R = 2 * NoL * N - L
+            versine = np.sum((R - V) ** 2, axis=-1, keepdims=True) / 2
+            lobe = np.where((versine < 1) & (NoL > 0), np.maximum(1 - versine, 1e-30) ** finish[..., 2:3], 0.0)
+            total += draw.scale * finish[..., 1:2] * lobe * irradiance
     return total * (slot > 0)[..., None]

@@ -240,7 +240,7 @@ def test_check_names_the_pass_that_left_a_nan(pipeline: Make, monkeypatch: pytes
         lines = read(name)
         if name != "passes/specular.frag":
             return lines
-        text = "\n".join(lines).replace("* lobe *", "* (lobe > 0.5 ? uintBitsToFloat(0x7fc00000u) : lobe) *")
+        text = "\n".join(lines).replace("* total,", "* (total.r > 0.1 ? vec3(uintBitsToFloat(0x7fc00000u)) : total),")
         return tuple(text.split("\n"))
 
     pipeline().run(["beauty"], check=True)
@@ -344,7 +344,7 @@ def test_the_edge_of_a_light_agrees_with_its_twin(pipeline: Make, blend: float) 
         irradiance.twin([replace(light, samples=samples) for light in lights], position, normal[..., :3])
         for samples in (4, 2)
     )
-    assert {light.samples for light in lights} == {4}
+    assert {draw.samples for draw in lights} == {4}
     assert np.abs(found - expected).max() <= 1e-4 * expected.max()
     # A sharp edge is looked at closely, a soft one is not.
     assert (np.abs(expected - coarsely).max() > 0.01 * expected.max()) == (blend < 0.1)
