@@ -41,7 +41,7 @@ from skincli.passes import blur, irradiance, occlusion_band, reflection, resolve
 from skincli.passes.absorb import WAYS_IN, Absorb, AbsorbValues
 from skincli.passes.atlas import Atlas, AtlasValues
 from skincli.passes.camera import View3D, look_at
-from skincli.passes.combine import Combine, CombineValues
+from skincli.passes.combine import combine_node
 from skincli.passes.compose import Compose, ComposeValues
 from skincli.passes.display import Display, DisplayValues
 from skincli.passes.irradiance import Irradiance, IrradianceValues, LightValues
@@ -565,13 +565,13 @@ class Pipeline:
             kernels = [blur.window_taps(look.surface.blur) for look in self.looks]
             return list(blur.separable("diffused", size, image, kernels, owner=position))
         widths = self._widths
-        terms: list[Source] = [image]
+        terms: list[Source] = []
         nodes: list[Node] = []
         metric, owner = Ref("atlas", "metric"), position
         spread: Source = Ref("atlas", "spread") if self.method == "lattice" and self._spreads else ONE
         if self.method == "exact":
             nodes.append(self._blank)
-            terms = [Ref(self._blank.name, "image")]
+            image = Ref(self._blank.name, "image")
         elif self.method == "lattice":
             normal = Ref("atlas", "frame_n")
             blocks: dict[int, WindowSource] = {}
@@ -607,22 +607,18 @@ class Pipeline:
                 blurs, found = splat_nodes(size, image, depth, points, splat_values(widths, self.view, size))
             image = light
             nodes += blurs
-            terms = [image, *found]
+            terms += found
         slots = len(self.looks)
-        draws = [
-            tiled(size, CombineValues(level, slots, MAX_SPREAD, blur.LEAST_COVERAGE), {"term": term})
-            for level, term in enumerate(terms)
-        ]
         steps = SPREAD_STEPS if isinstance(spread, Ref) else 1
         table = np.stack(
             [spread_weights(self._profile(look), widths, self._texel / 2, steps) for look in range(slots)], axis=1
         )
-        table = table.reshape(len(terms) * slots, steps, 3)
+        table = table.reshape(-1, steps, 3)
         table = np.concatenate([table, np.ones_like(table[..., :1])], axis=-1)
         digest = hashlib.blake2b(table.tobytes(), digest_size=16).hexdigest()
         nodes.append(Load("diffused_weights", f"{table.shape} {digest}", lambda: [table[::-1]]))
-        inputs = {"image": image, "owner": owner, "spread": spread, "weights": Ref("diffused_weights", "image")}
-        nodes.append(Combine("diffused", size, draws, {**inputs, "seen": seen}, defines=tile_defines(size)))
+        weights = Ref("diffused_weights", "image")
+        nodes.append(combine_node("diffused", size, image, terms, slots, owner, spread, weights, seen))
         return nodes
 
     def _profile(self, look: int) -> GaussianSum:

@@ -135,14 +135,8 @@ def _lattice(node: Pass, stored: Stored) -> Array:
 
 def _combine(node: Pass, stored: Stored) -> Array:
     image, owner, spread, weights = (stored.input(node, name) for name in ("image", "owner", "spread", "weights"))
-    terms = [stored.input(node, "term", number) for number in range(len(node.draws))]
-    return np.sum(
-        [
-            combine.twin(values, term, image, owner, spread, weights[::-1])
-            for values, term in zip(_values(node), terms, strict=True)
-        ],
-        axis=0,
-    )
+    levels = [stored.input(node, name) for name in combine.LEVELS if name in node.wired]
+    return combine.twin(_values(node)[0], image, levels, owner, spread, weights[::-1])
 
 
 def _band(node: Pass, stored: Stored) -> Array:

@@ -38,6 +38,7 @@ from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import face_areas
 from skincli.mesh.texels import Texels, atlas_texels
 from skincli.optics.gaussians import HUMAN
+from skincli.passes.combine import LEVELS
 from skincli.passes.irradiance import averaged
 from skincli.passes.lattice import LatticeSlice
 from skincli.passes.seen import seen_node
@@ -344,7 +345,7 @@ class Surface:
         combine = nodes["diffused"]
         assert isinstance(combine, Pass)
         #: what the widest Gaussians give, narrowest first
-        self.terms = [term for draw in combine.draws[-SINGLE:] if isinstance(term := draw.inputs["term"], Ref)]
+        self.terms = [term for name in LEVELS if isinstance(term := combine.wired.get(name), Ref)][-SINGLE:]
         slices = [nodes[term.node] for term in self.terms]
         #: bytes of their tables
         self.nbytes = sum(

@@ -41,7 +41,7 @@ FAULTS = [
     ("passes/slope.frag", "0.5 * vec2(size)", "vec2(size)", "paper", {"slope"}),
     ("lib/bump.glsl", "- gradient;", "+ gradient;", "paper", {"bump"}),
     ("lib/bump.glsl", "sign(det) * ", "", "paper", {"bump"}),
-    ("passes/irradiance.frag", "p.color * response.x", "p.color", "paper", {"lighting"}),
+    ("passes/irradiance.frag", "response.x * p.ambient", "p.ambient", "paper", {"lighting"}),
     ("lib/light.glsl", "falloff *= x * x * (3.0 - 2.0 * x)", "falloff *= x", "paper", {"lighting", "specular"}),
     ("lib/light.glsl", "/ distance2;", "/ (1000.0 * sqrt(distance2));", "paper", {"lighting", "specular"}),
     ("passes/blur.frag", "k <= p.radius", "k < p.radius", "paper", {"blur"}),
