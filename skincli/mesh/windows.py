@@ -7,6 +7,7 @@ the surface turns, what lies near in space does not lie near in the atlas: a lis
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +40,10 @@ TORN = 2.5
 ARRAYS = ("reach", "starts", "entries")
 
 #: receivers whose neighbors are looked for at once
-AT_ONCE = 1 << 13
+AT_ONCE = 1 << 11
+
+#: rows of blocks whose windows are found at once, few enough for the caches
+ROWS = 128
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def tables(
     positions : (n, 3) mm
     normals : (n, 3) unit
     areas : (n,) mm², 0 for points that only receive
-    texel : (n,) row * size + column
+    texel : (n,) row * size + column, ascending
     size : texels a side
     sigma : mm
     factor : texels along the side of a block
@@ -88,38 +92,42 @@ def tables(
     LimitError : the charts have more borders than a table can name
     """
     side = -(-size // factor)
-    block, held, middle, mean = block_means(positions, normals, areas, texel, size, factor)
-    some = np.flatnonzero(held)
-    place, facing = middle[some], mean[some]
-    area = np.bincount(block, areas, side * side).astype(np.float64)[some]
-    gives = area > 0
+    if factor == 1:
+        some, place, facing, area = texel, positions, normals, areas
+    else:
+        block, held, middle, mean = block_means(positions, normals, areas, texel, size, factor)
+        some = np.flatnonzero(held)
+        place, facing = middle[some], mean[some]
+        area = np.bincount(block, areas, side * side).astype(np.float64)[some]
     radius, whole = _boxes(some, side, place, area, REACH * sigma)
     turned, _ = bent(place, facing, area, sigma)
-    radius[turned] = 0
+    radius[:, turned] = 0
     listed = np.flatnonzero(~whole | turned)
     if len(listed) > MOST_LISTS:
         raise LimitError(
             f"an atlas of {size} texels a side has {len(listed)} texels near borders of its charts; at most "
             f"{MOST_LISTS} are allowed; choose a smaller render.atlas or an atlas_uv of fewer charts"
         )
-    givers = np.flatnonzero(gives)
-    near = _Near(place[givers], REACH * sigma)
+    givers = np.flatnonzero(area > 0)
+    near = _Near([axis[givers] for axis in place.T], REACH * sigma)
+    row, column = np.divmod(some.astype(np.int32), np.int32(side))
 
     def part(first: int) -> tuple[Integers, Integers]:
         own = listed[first : first + AT_ONCE]
-        receiver, source = near.pairs(place[own])
-        source = givers[source]
-        away = np.stack(np.divmod(some[source], side)) - np.stack(np.divmod(some[own[receiver]], side))
+        receiver, source = near.pairs([axis[own] for axis in place.T])
+        source, wanted = givers[source], own[receiver]
         # What the window sees is not named again.
-        beyond = (np.abs(away[::-1]) > radius[own[receiver]].T).any(axis=0)
+        beyond = np.abs(column[source] - column[wanted]) > radius[0, wanted]
+        beyond |= np.abs(row[source] - row[wanted]) > radius[1, wanted]
         return np.bincount(receiver[beyond], minlength=len(own)), some[source[beyond]]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = [(np.zeros(0, dtype=np.int64),) * 2, *pool.map(part, range(0, len(listed), AT_ONCE))]
     counts, named = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    words = np.zeros(side * side, dtype=np.int64)
-    words[some] = radius[:, 0] | radius[:, 1] << RADIUS_BITS
-    words[some[listed]] |= np.arange(1, len(listed) + 1) << 2 * RADIUS_BITS
+    own = radius[0] | radius[1].astype(np.int32) << RADIUS_BITS
+    own[listed] |= np.arange(1, len(listed) + 1, dtype=np.int32) << 2 * RADIUS_BITS
+    words = np.zeros(side * side, dtype=np.int32)
+    words[some] = own
     starts = np.append(0, np.cumsum(counts))
     return WindowTables(
         factor,
@@ -129,47 +137,59 @@ def tables(
     )
 
 
-def _boxes(some: Integers, side: int, place: Floats, area: Floats, reach: float) -> tuple[Integers, NDArray[np.bool_]]:
-    """Return the window of each block, (n, 2) along row and column, and whether no border of a chart lies in it.
+def _boxes(
+    some: Integers, side: int, place: Floats, area: Floats, reach: float
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return the window of each block, (2, n) along row and column, and whether no border of a chart lies in it.
 
     Parameters
     ----------
-    some : (n,) row * side + column of the blocks
+    some : (n,) row * side + column of the blocks, ascending
     side : blocks along the side of the atlas
     place, area : (n, 3) mm and (n,) mm², 0 for a block that gives no light
     reach : mm
     """
-    at = np.stack(np.divmod(some, side)[::-1])
-    number = np.full((side + 1, side + 1), -1, dtype=np.int32)
-    number[at[1], at[0]] = np.where(area > 0, np.arange(len(some)), -1)
-    links = []
-    step = np.full((len(some), 2), np.inf)
-    for axis in range(2):
-        here, there = number[:-1, :-1], (number[:-1, 1:], number[1:, :-1])[axis]
-        known = (here >= 0) & (there >= 0)
-        one, other = here[known], there[known]
-        away = np.linalg.norm(place[one] - place[other], axis=1)
-        step[one, axis] = away
-        step[other, axis] = np.minimum(step[other, axis], away)
-        links.append((known, one, other, away))
+    # As wide as windows may be; beyond the atlas all is border.
+    margin = 1 << RADIUS_BITS
+    height, width = ROWS + 2 * margin, side + 2 * margin
+    radius = np.zeros((2, len(some)), dtype=np.uint8)
+    whole = area > 0
 
-    # The box about the ellipse that a circle becomes in the atlas.
-    most = (1 << RADIUS_BITS) - 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wide = np.nan_to_num(reach * step[:, ::-1] / area[:, None], nan=0.0, posinf=0.0)
-    radius = np.where(area[:, None] > 0, np.clip(wide + 0.5, 1, most), 0).astype(np.int64)
+    def find(top: int) -> None:
+        """Find those of the rows from `top` on."""
+        begin, stop = np.searchsorted(some, side * np.array([top - margin, top + ROWS + margin]))
+        givers = begin + np.flatnonzero(area[begin:stop] > 0)
+        row, column = np.divmod(some[givers], side)
+        at = (row - top + margin) * width + column + margin
+        spots = np.full((3, height * width), np.nan)
+        spots[:, at] = place[givers].T
+        own = slice(*np.searchsorted(row, (top, top + ROWS)))
+        at, givers = at[own], givers[own]
+        steps, sums = [], []
+        for stride in (1, width):
+            # From the block before; none where one of them gives no light.
+            away = np.full(height * width, np.nan)
+            away[stride:] = np.sqrt(sum((spot[stride:] - spot[:-stride]) ** 2 for spot in spots))
+            step = away.copy()
+            step[:-stride] = np.fmin(away[:-stride], away[stride:])
+            torn = np.ones((height, width), dtype=np.bool_)
+            torn.ravel()[stride:] = ~(away[stride:] <= TORN * np.minimum(step[:-stride], step[stride:]))
+            steps.append(np.nan_to_num(step[at]))
+            # No window holds as many blocks as make these counts begin anew.
+            sums.append(torn.cumsum(axis=0, dtype=np.uint16).cumsum(axis=1, dtype=np.uint16).ravel())
 
-    low, high = at - radius.T, at + radius.T
-    whole = (area > 0) & (low >= 0).all(axis=0) & (high < side).all(axis=0)
-    (left, bottom), (right, top) = np.maximum(low, 0), np.minimum(high, side - 1)
-    for axis, (known, one, other, away) in enumerate(links):
-        torn = ~known
-        torn[known] = away > TORN * np.minimum(step[one, axis], step[other, axis])
-        sums = np.zeros((side + 1, side + 1), dtype=np.int32)
-        np.cumsum(np.cumsum(torn, axis=0, dtype=np.int32), axis=1, out=sums[1:, 1:])
-        # One link fewer than blocks along this axis.
-        stop, end = (right, top + 1) if axis == 0 else (right + 1, top)
-        whole &= sums[end, stop] - sums[bottom, stop] - sums[end, left] + sums[bottom, left] == 0
+        # The box about the ellipse that a circle becomes in the atlas.
+        wide, high = (
+            np.clip(reach * step / area[givers] + 0.5, 1, margin - 1).astype(np.int64) for step in steps[::-1]
+        )
+        radius[:, givers] = wide, high
+        right, end = at + wide, width * high
+        # That of the first block along the axis lies outside.
+        for links, left, start in zip(sums, (at - wide, at - wide - 1), (-end - width, -end), strict=True):
+            whole[givers] &= links[right + end] - links[right + start] == links[left + end] - links[left + start]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(find, range(0, side, ROWS)))
     return radius, whole
 
 
@@ -183,39 +203,41 @@ class _Near:
 
     Parameters
     ----------
-    points : (n, 3) mm
+    points : x, y and z of each, mm
     reach : mm
     """
 
-    def __init__(self, points: Floats, reach: float) -> None:
+    def __init__(self, points: Sequence[Floats], reach: float) -> None:
         self.reach = reach
-        self.low = points.min(axis=0, initial=np.inf) - 2 * reach
-        cell = self._cells(points)
-        self.shape = cell.max(axis=0, initial=0) + 3
-        key = self._keys(cell)
+        self.low = np.array([axis.min(initial=np.inf) for axis in points]) - 2 * reach
+        # Beyond the cells of points is one more on each side, for targets.
+        high = np.array([axis.max(initial=-np.inf) for axis in points])
+        self.most = np.maximum(np.floor((high - self.low) / reach), 0) + 1
+        self.strides = np.append(np.cumprod(self.most[:0:-1] + 2)[::-1], 1).astype(np.int64)
+        key = self._keys(points)
         self.order = np.argsort(key, kind="stable")
-        self.keys, self.points = key[self.order], points[self.order]
+        self.keys, self.points = key[self.order], [axis[self.order] for axis in points]
 
-    def pairs(self, targets: Floats) -> tuple[Integers, Integers]:
+    def pairs(self, targets: Sequence[Floats]) -> tuple[Integers, Integers]:
         """Return the pairs of a target and a point within reach: places in `targets`, ascending, and in the points."""
-        cell, which = np.unique(np.clip(self._cells(targets), 1, self.shape - 2), axis=0, return_inverse=True)
-        which = which.ravel()
+        key, which = np.unique(self._keys(targets), return_inverse=True)
         # Three cells that follow each other along the last axis are one run; nine runs hold all neighbors.
-        beside = np.array([(x, y, -1) for x in (-1, 0, 1) for y in (-1, 0, 1)])
-        begin = self._keys(cell[:, None] + beside)
+        beside = np.array([(x, y, -1) for x in (-1, 0, 1) for y in (-1, 0, 1)]) @ self.strides
+        begin = key[:, None] + beside
         first = np.searchsorted(self.keys, begin)
         count = np.searchsorted(self.keys, begin + 2, side="right") - first
-        first, count = first[which].ravel(), count[which].ravel()
-        target = np.repeat(np.repeat(np.arange(len(targets)), 9), count)
-        point = runs(first, count)
-        close = np.sum((self.points[point] - targets[target]) ** 2, axis=1) <= self.reach**2
+        point = runs(first[which].ravel(), count[which].ravel())
+        target = np.repeat(np.arange(len(which)), count.sum(axis=1)[which])
+        square = sum((own[point] - of[target]) ** 2 for own, of in zip(self.points, targets, strict=True))
+        close = np.flatnonzero(square <= self.reach**2)
         return target[close], self.order[point[close]]
 
-    def _cells(self, points: Floats) -> Integers:
-        return np.asarray(np.floor((points - self.low) / self.reach).astype(np.int64))
-
-    def _keys(self, cell: Integers) -> Integers:
-        return np.asarray((cell[..., 0] * self.shape[1] + cell[..., 1]) * self.shape[2] + cell[..., 2])
+    def _keys(self, points: Sequence[Floats]) -> Integers:
+        """Return the numbers of the cells of points, x first; cells beyond the outermost count as these."""
+        key = np.zeros(len(points[0]), dtype=np.int64)
+        for axis, low, most, stride in zip(points, self.low, self.most, self.strides, strict=True):
+            key += stride * np.clip(np.floor((axis - low) / self.reach), 1, most).astype(np.int64)
+        return key
 
 
 def pack(tables: WindowTables) -> dict[str, NDArray[Any]]:
