@@ -58,8 +58,8 @@ class Window(Tiled):
 
     shader = "passes/window.frag"
     inputs = {
-        **{name: Input() for name in ("seen", "position", "normal", "reach", "starts", "entries")},
-        **{name: Input("bordered") for name in ("light", "place", "facing")},
+        name: Input()
+        for name in ("seen", "position", "normal", "reach", "starts", "entries", "light", "place", "facing")
     }
     outputs = {"windowed": Output()}
 
