@@ -19,6 +19,9 @@ from skincli.passes.seen import Tiled, blocks_extent, tile_defines, tiled
 #: standard deviations that a Gaussian needs to have in texels, and those from which on blocks of them are summed
 LEAST_SAMPLES, BLOCK_SAMPLES = 0.4, 1.5
 
+#: what a window keeps of the variance that it is given, since it ends within reach: least error on heads
+KEPT_VARIANCE = 0.97
+
 
 @dataclass(frozen=True)
 class WindowSourceValues(Values):
@@ -133,7 +136,7 @@ def window_nodes(
         **{"position": position, "normal": normal, "seen": seen},
     }
     defines = (*DEFINES, ("RADIUS_BITS", str(RADIUS_BITS)), ("ROW_BITS", str(ROW_BITS)), *tile_defines(size))
-    draw = tiled(size, WindowValues(tables.factor, math.log2(math.e) / (2 * variance)))
+    draw = tiled(size, WindowValues(tables.factor, KEPT_VARIANCE * math.log2(math.e) / (2 * variance)))
     return [*loads.values(), Window(name, size, [draw], inputs, defines=defines, tables=tables)]
 
 
