@@ -13,6 +13,7 @@ class Counters:
     Parameters
     ----------
     draws, compiles, uploads : numbers of draw calls, compiled programs, texture and mesh uploads
+    textures : how many were made
     bytes_uploaded, bytes_read : bytes sent to the GPU and read back from it
     bytes_live, peak_bytes : bytes of textures that exist now, and the most that existed at once
     """
@@ -20,6 +21,7 @@ class Counters:
     draws: int = 0
     compiles: int = 0
     uploads: int = 0
+    textures: int = 0
     bytes_uploaded: int = 0
     bytes_read: int = 0
     bytes_live: int = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,6 +29,17 @@ FORMATS = {
 }
 
 
+#: size, format, and whether it has levels below 0
+Shape = tuple[tuple[int, int], str, bool]
+
+
+def bytes_of(shape: Shape) -> int:
+    """Return the bytes of a texture; a full mip chain adds a third."""
+    (width, height), format, mipmaps = shape
+    base = width * height * FORMATS[format][2]
+    return base * 4 // 3 if mipmaps else base
+
+
 @dataclass(frozen=True, eq=False)
 class Texture:
     """A texture on the GPU; equality is identity."""
@@ -39,42 +50,46 @@ class Texture:
     mipmaps: bool
 
     @property
+    def shape(self) -> Shape:
+        """What makes it fit in another's place."""
+        return self.size, self.format, self.mipmaps
+
+    @property
     def bytes(self) -> int:
-        """Bytes it takes; a full mip chain adds a third."""
-        base = self.size[0] * self.size[1] * FORMATS[self.format][2]
-        return base * 4 // 3 if self.mipmaps else base
+        """Bytes it takes."""
+        return bytes_of(self.shape)
 
 
 class TexturePool:
     """Hands out render targets and takes them back, so that later passes and frames reuse the memory."""
 
     def __init__(self) -> None:
-        self._free: dict[tuple[tuple[int, int], str, bool], list[Texture]] = {}
+        self._free: dict[Shape, list[Texture]] = {}
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._depth: dict[tuple[int, int], moderngl.Renderbuffer] = {}
 
-    def acquire(self, size: tuple[int, int], format: str, mipmaps: bool = False) -> Texture:
+    def acquire(self, shape: Shape) -> Texture:
         """Return a texture of undefined content.
 
         Raises
         ------
         LimitError : larger than the driver allows, or out of memory
         """
-        free = self._free.get((size, format, mipmaps))
+        free = self._free.get(shape)
         if free:
             return free.pop()
-        return create_texture(size, format, mipmaps)
+        return create_texture(*shape)
 
     def release(self, texture: Texture) -> None:
         """Take a texture back; its content may be overwritten from now on."""
-        self._free.setdefault((texture.size, texture.format, texture.mipmaps), []).append(texture)
+        self._free.setdefault(texture.shape, []).append(texture)
 
-    def trim(self, limit: int) -> None:
-        """Free textures that are not in use until the rest takes at most `limit` bytes."""
+    def trim(self, limit: int, wanted: Collection[Shape] = ()) -> None:
+        """Free textures that are not in use until the rest takes at most `limit` bytes, those of wanted shapes last."""
         idle = sum(texture.bytes for textures in self._free.values() for texture in textures)
         if idle > limit:
             rest()
-        for textures in self._free.values():
+        for _, textures in sorted(self._free.items(), key=lambda item: item[0] in wanted):
             while textures and idle > limit:
                 texture = textures.pop()
                 idle -= texture.bytes
@@ -132,6 +147,7 @@ def create_texture(size: tuple[int, int], format: str, mipmaps: bool = False) ->
         raise LimitError(f"no memory for a texture of {size[0]} x {size[1]} ({need:.0f} MB): {error}") from None
     texture = Texture(handle, size, format, mipmaps)
     COUNTERS.allocated(texture.bytes)
+    COUNTERS.textures += 1
     return texture
 
 

@@ -232,6 +232,8 @@ class FrameGraph:
         self._ran, self._clocks = {}, {}
         faults = []
         for position, (step, outputs) in enumerate(missing):
+            used = {key for key, last in pins.items() if last >= position}
+            self.store.evict(used, [] if isinstance(step.node, Load) else _shapes(step.node, outputs))
             clock = self._execute(step, outputs, timing)
             self._ran[step.node.name] = self._report(step, outputs, "ran", why)
             if clock is not None:
@@ -239,7 +241,7 @@ class FrameGraph:
             if check:
                 found = [_unfinite(f"{step.node.name}.{name}", self.store.get(step.keys[name])) for name in outputs]
                 faults += [Fault(fault) for fault in found if fault is not None]
-            self.store.evict({key for key, last in pins.items() if last > position})
+        self.store.evict({key for key, last in pins.items() if last >= len(missing)})
         if faults:
             raise SkincliError(faults)
         results = {}
@@ -294,14 +296,13 @@ class FrameGraph:
             return
         assert isinstance(node, Pass)
         calls = self._prepare(node, outputs)
-        declared = [node.outputs[name] for name in outputs]
-        targets = [self.store.pool.acquire(node.size, output.format, output.mipmaps) for output in declared]
+        targets = [self.store.pool.acquire(shape) for shape in _shapes(node, outputs)]
         bind_target(self.store.pool, targets, node.additive, node.depth)
         needed = {name for output in outputs for name in node.needed_inputs(output)}
         for call, draw in zip(calls, node.draws, strict=True):
             call(draw.values.packed, [self._texture(node, draw, name, needed) for name in call.reads])
-        for name, output, target in zip(outputs, declared, targets, strict=True):
-            if output.mipmaps:
+        for name, target in zip(outputs, targets, strict=True):
+            if target.mipmaps:
                 target.handle.build_mipmaps()
             self.store.put(step.keys[name], target, dear=node.dear)
 
@@ -411,3 +412,8 @@ def _unfinite(name: str, texture: Texture) -> str | None:
         return None
     row, column = np.argwhere(bad)[0]
     return f"{name}: {int(bad.sum())} pixels are not finite, the first at column {column}, row {row}"
+
+
+def _shapes(node: Node, outputs: Sequence[str]) -> list[textures.Shape]:
+    """Return what some outputs of a node are drawn into."""
+    return [(node.size, node.outputs[name].format, node.outputs[name].mipmaps) for name in outputs]

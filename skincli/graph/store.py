@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import os
 from collections import OrderedDict
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from skincli.errors import UsageError
-from skincli.gpu.textures import Texture, TexturePool, destroy_texture
+from skincli.gpu.textures import Shape, Texture, TexturePool, bytes_of, destroy_texture
 
-DEFAULT_BUDGET_MB = 2048
+DEFAULT_BUDGET_MB = 1024
 
 
 def default_budget() -> int:
@@ -67,15 +67,22 @@ class Store:
         if dear:
             self._dear.add(key)
 
-    def evict(self, pinned: Collection[str]) -> None:
+    def evict(self, pinned: Collection[str], coming: Sequence[Shape] = ()) -> None:
         """Let go of the least recently used textures until the rest fits the budget; pinned ones stay.
 
-        Dear ones go only when no other is left, for the targets of one large picture may fill the budget alone.
+        What has the shape of what is coming goes first: fresh memory costs software GL more than most passes do. Dear
+        ones go only when no other is left, for the targets of one large picture may fill the budget alone.
         Memory that waits to be handed out again counts too, and is freed first.
+
+        Parameters
+        ----------
+        coming : what is drawn next, for which memory that is let go is held
         """
         total = sum(texture.bytes for texture in self._kept.values())
-        for key in sorted(self._kept, key=self._dear.__contains__):  # stable: the least recently used first
-            if total <= self.budget:
+        room = sum(map(bytes_of, coming))
+        # Stable: the least recently used first.
+        for key in sorted(self._kept, key=lambda key: (key in self._dear, self._kept[key].shape not in coming)):
+            if total <= self.budget - room:
                 break
             if key in pinned:
                 continue
@@ -87,7 +94,7 @@ class Store:
                 destroy_texture(texture)
             else:
                 self.pool.release(texture)
-        self.pool.trim(max(self.budget - total, 0))
+        self.pool.trim(max(self.budget - total, room), coming)
 
     def clear(self, but_dear: bool = False) -> None:
         """Forget everything, or all but what was drawn and is dear, and free its memory."""

@@ -272,6 +272,21 @@ def test_large_pictures_do_not_push_the_maps_out_of_the_memo(pipeline: Make, mon
     assert states["view"] == "ran"
 
 
+@pytest.mark.parametrize("megabytes", [10, 30])
+def test_a_full_memo_draws_into_memory_that_it_lets_go(
+    pipeline: Make, monkeypatch: pytest.MonkeyPatch, megabytes: int
+) -> None:
+    monkeypatch.setenv("SKINCLI_MEMO_MB", str(megabytes))
+    made = pipeline("render.size=[160, 120]", "render.atlas=128", "skin.size=64")
+    for turn in range(5):
+        before = COUNTERS.snapshot()
+        made.look_from(Camera(position=(-150.0 + turn, 20.0, 580.0), target=(0.0, 0.0, 0.0)))
+        made.run(["beauty"])
+        made_anew = COUNTERS.since(before)
+    assert made_anew["draws"] > 10
+    assert made_anew["textures"] <= 2
+
+
 def test_maps_alone_may_be_kept(pipeline: Make) -> None:
     made = pipeline("render.atlas=64", "skin.size=64")
     expected = made.run(["beauty"])["beauty"]
