@@ -10,17 +10,20 @@ with their gradients, and tables that keep each line of nodes contiguous.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from skincli.errors import LimitError
+from skincli.mesh.bits import Bits, Row, below, parts
 
 Floats = NDArray[np.float64]
-Keys = NDArray[np.int64]
+Integers = NDArray[np.int64]
 
 #: lattice constant (edge of the cubic cell) over sigma up to this many mm and beyond, where nodes are few
 NARROW, RATIO_NARROW, RATIO_WIDE = 1.0, 1.0, 0.9
@@ -46,14 +49,25 @@ BENT_RINGS = 2
 #: lines along which the blur runs, in half lattice constants
 DIRECTIONS = np.array([(1, 1, 1), (1, -1, 1), (1, 1, -1), (1, -1, -1)])
 
-# A key packs (y - x, z - x, x) of a node, 21 bits each: ascending keys follow the lines of the first direction.
+#: half lattice constants by which bits of a row reach beyond the cubes: two rings about their nodes, SPREAD, REACH
+MARGIN = 8
+
+#: lattice constants to which pieces apart are moved together: what is read of one ends before the next
+GAP = 16
+
+#: words of a row of bits at most, 256 MB of their numbers
+MOST_WORDS = 1 << 26
+
+# A key packs three coordinates.
 _BITS = 21
-_MASK = np.int64((1 << _BITS) - 1)
-_BIAS = np.int64(1 << (_BITS - 1))
-_ORIGIN = _BIAS * np.int64((1 << 2 * _BITS) + (1 << _BITS) + 1)
-_UNITS = np.array([1 - (1 << 2 * _BITS) - (1 << _BITS), 1 << 2 * _BITS, 1 << _BITS], dtype=np.int64)
-_STEPS = DIRECTIONS @ _UNITS
-_NONE = np.iinfo(np.int64).max
+_UNITS = np.array([1 << 2 * _BITS, 1 << _BITS, 1])
+_ORIGIN = int(_UNITS.sum()) << _BITS - 1
+
+#: cubes between a point and the origin along an axis, at most
+MOST_CUBES = (1 << _BITS - 2) - 2
+
+#: bits of the number of a cube's node among all for which of the cube's it is
+SLOT_BITS = 4
 
 #: bits of a word
 WORD_BITS = 30
@@ -151,7 +165,7 @@ class _Points:
     areas: Floats
     address: NDArray[np.uint32]
     blocks: int
-    of: Keys
+    of: Integers
     blur: float
 
 
@@ -164,7 +178,7 @@ def tables(
     positions: Floats,
     normals: Floats,
     areas: Floats,
-    texel: Keys,
+    texel: Integers,
     size: int,
     sigma: float,
     factor: int = 1,
@@ -193,74 +207,90 @@ def tables(
     receives, gives = bent(points.positions, points.normals, points.areas, sigma)
     bends = receives[points.of]
 
-    base, code, _ = _cubes(positions, spacing)
-    keys, own = _numbered(_key(base))
-    corner, place, _ = tetrahedra(points.positions, spacing)
-    # Many texels share a tetrahedron; mostly those of few nodes see normals differ.
-    some = _corners_of(keys, own[bends], code[bends])
-    reads = _distinct([_corners_of(keys, own, code), some])
-    if factor > 1:
-        reads = _distinct([reads, corner.ravel()])
-    weights = tetrahedron_weights(place)
-    gifts = _Gifts(corner, weights, points.address, points.areas > 0, points.blocks)
-    whole, number = _chain(reads, np.append(some, np.setdiff1d(reads, some, assume_unique=True)), gifts, place_bits)
-    if len(reads) > 1 << NODE_BITS or max(whole.counts) > 1 << LINE_BITS:
+    # Where every block is a texel, these are the points.
+    every = positions if factor == 1 else np.concatenate([points.positions, positions])
+    cubes = Cubes(every, spacing)
+    first = len(every) - len(positions)
+    nodes = _together(cubes.cubes)
+    lines = [_Lines(nodes, direction) for direction in DIRECTIONS]
+    most = max(one.words for one in lines)
+    if most > MOST_WORDS:
+        raise LimitError(
+            f"sigma {sigma:.2f} mm takes a lattice of {64 * most} places about this mesh; at most {64 * MOST_WORDS} "
+            f"are allowed; choose a larger optics.radius"
+        )
+    at = lines[0].at(nodes)
+
+    def places(found: Integers) -> Integers:
+        return _near(at, lines[0].unit, found)
+
+    reads = places(cubes.met(range(len(cubes.of))))
+    row = Row([reads], lines[0].words)
+    read, some = row.marked(reads), row.marked(places(cubes.met(first + np.flatnonzero(bends))))
+    del reads
+    gifts = _gifts(cubes, points, range(len(points.areas)), place_bits)
+    whole, number = _chain(lines, row, read, some, read, gifts, places)
+    if whole.read > 1 << NODE_BITS or max(whole.counts) > 1 << LINE_BITS:
         raise LimitError(
             f"sigma {sigma:.2f} mm takes {max(whole.counts)} lattice nodes on this mesh, of which texels read "
-            f"{len(reads)}; at most {1 << LINE_BITS} and {1 << NODE_BITS} are allowed; choose a larger optics.radius"
+            f"{whole.read}; at most {1 << LINE_BITS} and {1 << NODE_BITS} are allowed; choose a larger optics.radius"
         )
 
     near = np.flatnonzero(gives)
-    gifts = _Gifts(
-        corner[near],
-        weights[near],
-        points.address[near],
-        points.areas[near] > 0,
-        int(np.searchsorted(near, points.blocks)),
-    )
-    turned, _ = _chain(_distinct([corner[near].ravel(), some]), some, gifts, place_bits)
+    gifts = _gifts(cubes, points, near, place_bits)
+    turned, _ = _chain(lines, row, row.marked(places(cubes.met(near))) | some, some, some, gifts, places)
 
-    words = number(keys)[own] | (base.astype(np.int64) >> 1 & 1) @ np.array([1, 2, 4], dtype=np.int64) << NODE_BITS
+    words = number(at) | (cubes.cubes & 1) @ np.array([1, 2, 4]) << NODE_BITS
     slices = np.zeros(size * size, dtype=np.float32)
-    slices[texel] = as_floats(words | BENT * bends)
+    slices[texel] = as_floats(words[cubes.of[first:]] | BENT * bends)
     left = spacing / np.sqrt(sigma**2 - points.blur)
     return LatticeTables(spacing, left, factor, place_bits, whole, turned, slices.reshape(size, size, 1))
 
 
 def block_means(
-    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int
-) -> tuple[Keys, Floats, Floats, Floats]:
+    positions: Floats, normals: Floats, areas: Floats, texel: Integers, size: int, factor: int
+) -> tuple[Integers, Floats, Floats, Floats]:
     """Return the block of each texel, and of each block what it holds, its middle and its mean normal.
 
     Parameters are those of `tables`; a block holds its area and next to nothing more, 0 where it has no texel.
     """
-    row, column = np.divmod(texel, size)
     side = -(-size // factor)
-    block = row // factor * side + column // factor
     # Where a block holds no area, its middle counts.
-    mass = areas + 1e-9 * areas.mean()
-
-    def summed(values: Floats) -> Floats:
-        return np.bincount(block, values, side * side).astype(np.float64)
-
-    total = summed(mass)
-    held = np.maximum(total, 1e-300)
-    middle, mean = (np.stack([summed(mass * axis) / held for axis in of.T], axis=1) for of in (positions, normals))
+    least = 1e-9 * areas.mean()
+    block = np.empty(len(texel), dtype=np.int64)
+    total = np.zeros(side * side)
+    middle, mean = np.zeros((2, side * side, 3))
+    for part in parts(len(texel)):
+        row = texel[part] // size
+        block[part] = own = row // factor * side + (texel[part] - row * size) // factor
+        mass = areas[part] + least
+        np.add.at(total, own, mass)
+        for sums, of in ((middle, positions), (mean, normals)):
+            for axis, values in zip(sums.T, of[part].T, strict=True):
+                np.add.at(axis, own, mass * values)
+    held = np.maximum(total, 1e-300)[:, None]
+    middle /= held
+    mean /= held
     return block, total, middle, mean
 
 
 def _points(
-    positions: Floats, normals: Floats, areas: Floats, texel: Keys, size: int, factor: int, reach: float, bits: int
+    positions: Floats, normals: Floats, areas: Floats, texel: Integers, size: int, factor: int, reach: float, bits: int
 ) -> _Points:
     """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
+    if factor == 1:
+        # Each texel is a block.
+        every = np.arange(len(texel))
+        return _Points(positions, normals, areas, _address(texel, size, bits), len(texel), every, 0.0)
     side = -(-size // factor)
     block, total, middle, mean = block_means(positions, normals, areas, texel, size, factor)
 
-    def summed(values: Floats) -> Floats:
-        return np.bincount(block, values, side * side).astype(np.float64)
-
-    away = np.sum((positions - middle[block]) ** 2, axis=1)
-    apart = (summed((away > reach**2).astype(np.float64)) > 0) | (np.linalg.norm(mean, axis=1) < BENT_BELOW)
+    away = np.empty(len(texel))
+    for part in parts(len(texel)):
+        x, y, z = (positions[part] - middle[block[part]]).T ** 2
+        away[part] = x + y + z
+    apart = np.linalg.norm(mean, axis=1) < BENT_BELOW
+    apart[block[away > reach**2]] = True
     alone = np.flatnonzero(apart[block])
     good = np.flatnonzero((total > 0) & ~apart)
     of = np.empty(side * side, dtype=np.int64)
@@ -272,7 +302,7 @@ def _points(
     return _Points(
         np.concatenate([middle[good], positions[alone]]),
         np.concatenate([mean[good], normals[alone]]),
-        np.concatenate([summed(areas)[good], areas[alone]]),
+        np.concatenate([np.bincount(block, areas, side * side)[good], areas[alone]]),
         np.concatenate([_address(good, side, bits), _address(texel[alone], size, bits)]),
         len(good),
         of,
@@ -280,9 +310,10 @@ def _points(
     )
 
 
-def _address(index: Keys, side: int, bits: int) -> NDArray[np.uint32]:
+def _address(index: Integers, side: int, bits: int) -> NDArray[np.uint32]:
     """Return column and row of places in a square."""
-    return (index % side | index // side << bits).astype(np.uint32)
+    row = index // side
+    return (index - row * side | row << bits).astype(np.uint32)
 
 
 def taps(ratio: float) -> tuple[float, ...]:
@@ -306,50 +337,215 @@ def taps(ratio: float) -> tuple[float, ...]:
     return tuple(weights.tolist())
 
 
-def coordinates(keys: Keys) -> Floats:
-    """Return the (..., 3) coordinates of nodes in half lattice constants."""
-    x = (keys & _MASK) - _BIAS
-    y = (keys >> 2 * _BITS) - _BIAS + x
-    z = (keys >> _BITS & _MASK) - _BIAS + x
-    return np.stack([x, y, z], axis=-1).astype(np.float64)
+class Cubes:
+    """The tetrahedra of the lattice in which points lie, four nodes each, by the cubes that hold them.
+
+    Parameters
+    ----------
+    positions : (n, 3) mm
+    spacing : lattice constant, mm
+
+    Attributes
+    ----------
+    cubes : (k, 3) where the even nodes a lie about which cubes are, lattice constants
+    of : (n,) the cube of each point
+    code : (n,) the order of the axes, and the signs, by which its tetrahedron is a row of CORNERS
+
+    Raises
+    ------
+    LimitError : a point is too far from the origin
+    """
+
+    def __init__(self, positions: Floats, spacing: float) -> None:
+        self._positions, self._spacing = positions, spacing
+        self.code = np.empty(len(positions), dtype=np.uint8)
+        firsts, keys = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        for part in parts(len(positions)):
+            cube, at = self._split(part)
+            if np.abs(cube).max() > MOST_CUBES:
+                raise LimitError(
+                    f"the mesh reaches {np.abs(positions).max():.4g} mm from the origin; at most "
+                    f"{MOST_CUBES * spacing:.4g} mm are allowed; move it there, or choose a larger optics.radius"
+                )
+            x, y, z = np.abs(at)
+            code = np.zeros(len(x), dtype=np.uint8)
+            for bit, true in enumerate((x >= y, x >= z, y >= z, *(at < 0))):
+                code |= true.view(np.uint8) << np.uint8(bit)
+            self.code[part] = code
+            # Texels beside each other mostly share a cube.
+            key = _key(cube.astype(np.int64).T)
+            new = np.flatnonzero(np.append(True, key[1:] != key[:-1]))
+            firsts.append(new + part.start)
+            keys.append(key[new])
+        distinct, number = np.unique(np.concatenate(keys), return_inverse=True)
+        ends = np.append(np.concatenate(firsts), len(positions))
+        self.of = np.repeat(number.astype(np.int32), ends[1:] - ends[:-1])
+        self.cubes = (distinct[:, None] // _UNITS & (1 << _BITS) - 1) - (1 << _BITS - 1)
+
+    def _split(self, points: slice | Integers) -> tuple[Floats, Floats]:
+        """Return (3, n) the cubes of points, and how far these are from the nodes in half lattice constants."""
+        at = np.ascontiguousarray(self._positions[points].T) / (self._spacing / 2)
+        cube = np.floor(at / 2 + 0.5)
+        return cube, at - 2 * cube
+
+    def corners(self, points: slice | Integers) -> Integers:
+        """Return (n, 4): which of all nodes of all cubes, 1 << SLOT_BITS of each, are corners of points' tetrahedra."""
+        result = CORNERS.take(self.code[points], axis=0)
+        result += self.of[points, None].astype(np.int64) << SLOT_BITS
+        return result
+
+    def weights(self, points: slice | Integers) -> Floats:
+        """Return the (n, 4) barycentric weights of points in their tetrahedra."""
+        x, y, z = np.abs(self._split(points)[1])
+        low, high = np.minimum(x, y), np.maximum(x, y)
+        return tetrahedron_weights(np.maximum(high, z), np.maximum(low, np.minimum(high, z)), np.minimum(low, z))
+
+    def met(self, points: range | Integers) -> Integers:
+        """Return which nodes of the cubes are corners of points' tetrahedra, each once."""
+        found = np.zeros(len(self.cubes) << SLOT_BITS, dtype=bool)
+        for part in parts(len(points)):
+            found[self.corners(_part(points, part))] = True
+        return np.flatnonzero(found)
+
+    def touch(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return (n,) which points' tetrahedra have one of these nodes of the cubes as a corner."""
+        found = np.empty(len(self.of), dtype=bool)
+        for part in parts(len(self.of)):
+            a, b, c, d = nodes[self.corners(part)].T
+            found[part] = a | b | c | d
+        return found
 
 
-def _numbered(keys: Keys) -> tuple[Keys, Keys]:
-    """Return the distinct keys, ascending, and for each its number among them."""
-    order = np.argsort(keys, kind="stable")
-    distinct, number = _grouped(keys[order])
-    node = np.empty(len(keys), dtype=np.int64)
-    node[order] = number
-    return distinct, node
+def _part(points: range | Integers, part: slice) -> slice | Integers:
+    """Return a part of the points, which is not copied where they follow each other."""
+    some = points[part]
+    return slice(some.start, some.stop) if isinstance(some, range) else some
 
 
-def _grouped(ascending: Keys) -> tuple[Keys, Keys]:
-    """Return the distinct keys, and for each its number among them."""
-    new = np.append(True, ascending[1:] != ascending[:-1])[: len(ascending)]
-    return ascending[new], np.cumsum(new) - 1
+def _near(cubes: Integers, unit: Integers, slots: Integers) -> Integers:
+    """Return numbers of nodes of cubes, see Cubes.corners, given those of the cubes and what steps along axes add."""
+    beside = NEAR @ unit
+    result = np.empty(len(slots), dtype=np.int64)
+    for part in parts(len(slots)):
+        some = slots[part]
+        result[part] = cubes[some >> SLOT_BITS] + beside[some & (1 << SLOT_BITS) - 1]
+    return result
 
 
-def _distinct(parts: Sequence[Keys]) -> Keys:
-    """Return the keys of all parts, each once, ascending."""
-    # Merging ascending runs is what a stable sort is good at.
-    every = np.sort(np.concatenate(parts), kind="stable")
-    return every[np.append(True, every[1:] != every[:-1])[: len(every)]]
+def _key(coordinates: Integers) -> Integers:
+    return np.asarray(coordinates @ _UNITS + _ORIGIN)
 
 
-def _ring(keys: Keys) -> Keys:
-    """Return ascending keys with all their neighbors."""
-    return _distinct([keys, *(keys + way * step for way in (-1, 1) for step in _STEPS)])
+def _corner_table() -> tuple[Integers, Integers]:
+    """Return NEAR, the (15, 3) nodes of a cube about its own, and CORNERS, (64, 4) of them by the code of Cubes.
+
+    They are a, a + 2 s_i along the longest axis, a + s, a + s - 2 s_k along the shortest.
+    """
+    signs = 1 - 2 * (np.arange(8)[:, None] >> np.arange(3) & 1)
+    near = np.concatenate(
+        [np.zeros((1, 3), dtype=np.int64), 2 * np.eye(3, dtype=np.int64), -2 * np.eye(3, dtype=np.int64), signs]
+    )
+    corners = np.zeros((64, 4), dtype=np.int64)
+    for code in range(64):
+        xy, xz, yz = code & 1, code >> 1 & 1, code >> 2 & 1
+        shorter = np.array([xy + xz, 1 - xy + yz, 2 - xz - yz])
+        longest, shortest = shorter.argmax(), shorter.argmin()
+        sign = code >> 3
+        corners[code, 1:] = 1 + longest + 3 * (sign >> longest & 1), 7 + sign, 7 + (sign ^ 1 << shortest)
+    return near, corners
 
 
-def _common(keys: Keys, others: Keys) -> Keys:
-    """Return those of ascending keys that are among others, which ascend too."""
-    return keys[np.append(others, _NONE)[np.searchsorted(others, keys)] == keys]
+#: nodes of a cube, in half lattice constants from its own, and which of them are corners of its tetrahedra
+NEAR, CORNERS = _corner_table()
 
 
-def _spread(keys: Keys, direction: int, within: Keys) -> Keys:
-    """Return those keys of `within`, all ascending, that are up to SPREAD steps along a direction from others."""
-    near = _distinct([keys + k * _STEPS[direction] for k in range(-SPREAD, SPREAD + 1)])
-    return _common(near, within)
+def _together(cubes: Integers) -> Integers:
+    """Return the (k, 3) even nodes of cubes, in half lattice constants, pieces apart moved together along the axes."""
+    nodes = np.empty_like(cubes)
+    for axis, along in enumerate(cubes.T):
+        along = along - along.min()
+        taken = np.zeros(along.max() + 1, dtype=np.int64)
+        taken[along] = 1
+        planes = np.flatnonzero(taken)
+        taken[planes] = 2 * np.cumsum(np.minimum(np.diff(planes, prepend=0), GAP))
+        nodes[:, axis] = taken[along]
+    return nodes
+
+
+class _Lines:
+    """Places of nodes in a row of bits where those of each line along a direction follow each other.
+
+    Parameters
+    ----------
+    nodes : (n, 3) even nodes of the cubes, half lattice constants
+    direction : one of DIRECTIONS
+
+    Attributes
+    ----------
+    unit : (3,) how much farther a node lies in the row by half a lattice constant along x, y, z
+    words : of 64 bits
+    """
+
+    def __init__(self, nodes: Integers, direction: Integers) -> None:
+        self.direction = direction
+        # A line is where two coordinates are equal, and x goes along it.
+        along = nodes[:, 0]
+        across = np.stack([nodes[:, axis] - direction[axis] * along for axis in (1, 2)]) // 2
+        self._low = across.min(axis=1) - MARGIN
+        high, self._wide = (across.max(axis=1) - self._low + MARGIN + 1).tolist()
+        self._start = int(along.min()) - MARGIN
+        # Whole words, so that nodes of one step across have the same bits.
+        self._length = -(-(int(along.max()) - self._start + MARGIN + 1) // 64) * 64
+        self.words = high * self._wide * (self._length // 64)
+        half = self._length // 2
+        self.unit = np.array([1 - half * (direction[1] * self._wide + direction[2]), half * self._wide, half])
+        self._origin = int((self._low[0] * self._wide + self._low[1]) * self._length + self._start)
+
+    def at(self, nodes: Integers) -> Integers:
+        """Return the places of (..., 3) nodes."""
+        return np.asarray(nodes @ self.unit - self._origin)
+
+    def nodes(self, at: Integers) -> Integers:
+        """Return the (..., 3) nodes at places."""
+        line, along = np.divmod(at, self._length)
+        first, second = np.divmod(line, self._wide)
+        x = along + self._start
+        y = 2 * (first + self._low[0]) + self.direction[1] * x
+        z = 2 * (second + self._low[1]) + self.direction[2] * x
+        return np.stack([x, y, z], axis=-1)
+
+    def of(self, other: _Lines, row: Row, members: Integers) -> Integers:
+        """Return the places of nodes that are members of another row, of other lines."""
+        start, step = self.at(other.nodes(row.place << 6)), int(other.direction @ self.unit)
+        result = np.empty(len(members), dtype=np.int64)
+        for part in parts(len(members)):
+            result[part] = start[members[part] >> 6] + (members[part] & 63) * step
+        return result
+
+
+def _ring(row: Row, bits: Bits, steps: list[int]) -> Bits:
+    """Return nodes with all their neighbors, which the row must hold.
+
+    Parameters
+    ----------
+    steps : along the directions
+    """
+    result = bits
+    for way in (-1, 1):
+        beside = row.moved(bits, way * steps[0])
+        # What leads from the first direction to the second, and to the third, together leads to the fourth.
+        for across in (steps[1] - steps[0], steps[2] - steps[0]):
+            beside = beside | row.moved(beside, way * across)
+        result = result | beside
+    return result
+
+
+def _spread(row: Row, bits: Bits, step: int) -> Bits:
+    """Return nodes with those up to SPREAD steps along a direction and against it, as far as the row holds them."""
+    result = bits
+    for k in range(1, SPREAD + 1):
+        result = result | row.moved(bits, k * step) | row.moved(bits, -k * step)
+    return result
 
 
 def bent(
@@ -359,113 +555,73 @@ def bent(
 
     Where all normals within reach nearly agree, w = (1 + n . n') / 2 is nearly constant and cancels in the average.
     """
-    base, code, place = _cubes(positions, BENT_SPACING * sigma)
-    cubes, own = _numbered(_key(base))
-    # Many points share a tetrahedron.
-    kinds, kind = _numbered(own * 48 + code)
-    keys, number = _numbered(_corners(cubes[kinds // 48], kinds % 48).ravel())
-    node = number.reshape(-1, 4)[kind]
-    weight = tetrahedron_weights(place) * areas[:, None]
-    total = np.bincount(node.ravel(), weight.ravel(), len(keys))
-    sums = [np.bincount(node.ravel(), (weight * axis[:, None]).ravel(), len(keys)) for axis in normals.T]
+    cubes = Cubes(positions, BENT_SPACING * sigma)
+    met = cubes.met(range(len(positions)))
+    keys, number = np.unique(_near(_key(2 * cubes.cubes), _UNITS, met), return_inverse=True)
+    node = np.zeros(len(cubes.cubes) << SLOT_BITS, dtype=np.int32)
+    node[met] = number
+    total, *sums = np.zeros((4, len(keys)))
+    for part in parts(len(positions)):
+        own = node[cubes.corners(part)].ravel().astype(np.int64)
+        weight = cubes.weights(part) * areas[part, None]
+        np.add.at(total, own, weight.ravel())
+        for axis, one in zip(normals[part].T, sums, strict=True):
+            np.add.at(one, own, (weight * axis[:, None]).ravel())
     mixed = np.linalg.norm(sums, axis=0) < BENT_BELOW * total
-    receives: NDArray[np.bool_] = mixed[node].any(axis=1)
+    receives = cubes.touch(mixed[node])
     reached = np.zeros(len(keys), dtype=bool)
-    reached[node[receives]] = True
+    reached[node[cubes.met(np.flatnonzero(receives))]] = True
+    fresh = np.flatnonzero(reached)
     for _ in range(BENT_RINGS):
-        reached[np.flatnonzero(np.isin(keys, _ring(keys[reached]), assume_unique=True))] = True
-    return receives, np.asarray(reached[node].any(axis=1))
+        found = np.zeros(len(keys), dtype=bool)
+        for step in (*DIRECTIONS @ _UNITS, *-DIRECTIONS @ _UNITS):
+            at = np.searchsorted(keys, keys[fresh] + step)
+            found[at[keys.take(at, mode="clip") == keys[fresh] + step]] = True
+        fresh = np.flatnonzero(found & ~reached)
+        reached[fresh] = True
+    return receives, cubes.touch(reached[node])
 
 
-def tetrahedra(positions: Floats, spacing: float) -> tuple[Keys, Floats, NDArray[np.int64]]:
-    """Return the tetrahedron of the lattice in which each point lies.
+def tetrahedron_weights(longest: Floats, middle: Floats, shortest: Floats) -> Floats:
+    """Return the (n, 4) barycentric weights of points in their tetrahedra.
 
-    Returns
-    -------
-    corner : (n, 4) keys of its nodes: a, a + 2 s_i along the longest axis, a + s, a + s - 2 s_k along the shortest
-    place : (n, 3) distances from a along the axes, in half lattice constants, longest first: 1 >= M >= m >= n >= 0
-    code : (n,) 0 to 47: the order of the axes times 8 plus the signs
+    Parameters
+    ----------
+    longest, middle, shortest : distances from the cube's node along the axes, half lattice constants
     """
-    base, code, place = _cubes(positions, spacing)
-    return _corners(_key(base), code), place, code
-
-
-def _cubes(positions: Floats, spacing: float) -> tuple[Floats, NDArray[np.int64], Floats]:
-    """Return coordinates of the even node a in whose cube each point lies, and code and place as `tetrahedra` does."""
-    at = positions / (spacing / 2)
-    base = 2 * np.floor(at / 2 + 0.5)
-    offset = at - base
-    size = np.abs(offset)
-    axes = np.argsort(-size, axis=1, kind="stable")
-    # Lehmer code: which axis is the longest, and whether the other two are in cyclic order.
-    cyclic = (axes[:, 1] - axes[:, 0]) % 3 == 1
-    code = (axes[:, 0] * 2 + ~cyclic) * 8 + ((offset < 0) * np.array([1, 2, 4])).sum(axis=1)
-    return base, code, np.take_along_axis(size, axes, axis=1)
-
-
-def _key(base: Floats) -> Keys:
-    return np.asarray(base.astype(np.int64) @ _UNITS + _ORIGIN)
-
-
-def _corners(key: Keys, code: NDArray[np.int64]) -> Keys:
-    """Return (n, 4) keys of a tetrahedron by its first node and its code."""
-    axes, sign = _oriented(code)
-    steps = sign.astype(np.int64) * _UNITS
-    longest, shortest = (np.take_along_axis(steps, axes[:, k : k + 1], axis=1)[:, 0] for k in (0, 2))
-    far = key + steps.sum(axis=1)
-    return np.stack([key, key + 2 * longest, far, far - 2 * shortest], axis=1)
-
-
-def _corners_of(keys: Keys, own: Keys, code: NDArray[np.int64]) -> Keys:
-    """Return the distinct nodes, ascending, of tetrahedra that begin at keys[own]."""
-    met = np.zeros(len(keys) * 48, dtype=bool)
-    met[own * 48 + code] = True
-    found = np.flatnonzero(met)
-    return _distinct([_corners(keys[found // 48], found % 48).ravel()])
-
-
-def _oriented(code: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
-    """Return (n, 3) the axes, longest first, and the signs along x, y, z."""
-    axes = np.zeros((len(code), 3), dtype=np.int64)
-    axes[:, 0] = code >> 4
-    step = np.where(code & 8, 2, 1)
-    axes[:, 1] = (axes[:, 0] + step) % 3
-    axes[:, 2] = (axes[:, 0] - step) % 3
-    return axes, (1.0 - 2.0 * (code[:, None] >> np.arange(3) & 1)).astype(np.float64)
-
-
-def tetrahedron_weights(place: Floats) -> Floats:
-    """Return the (n, 4) barycentric weights of points at `place`, see tetrahedra."""
-    longest, middle, shortest = place.T
     return np.stack(
         [1 - (longest + middle) / 2, (longest - middle) / 2, (middle + shortest) / 2, (middle - shortest) / 2], axis=1
     )
 
 
-def unpacked_place(code: NDArray[np.int64], place: Floats) -> tuple[Floats, Floats]:
-    """Return what `tetrahedra` packed: (n, 4, 3) offsets from the corners, in half lattice constants, and weights."""
-    axes, sign = _oriented(code)
-    unit = np.eye(3)
-    offset = sign * np.einsum("nk,nkd->nd", place, unit[axes])
-    far = offset - sign
-    longest, shortest = (2 * sign * unit[axes[:, k]] for k in (0, 2))
-    return np.stack([offset, offset - longest, far, far + shortest], axis=1), tetrahedron_weights(place)
-
-
 def rows(array: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (n, c) as (h, WIDTH, c), zero beyond n."""
-    height = max(1, -(-len(array) // WIDTH))
-    padded = np.zeros((height * WIDTH, array.shape[1]), dtype=np.float32)
+    padded = np.zeros((_height(len(array)) * WIDTH, array.shape[1]), dtype=np.float32)
     padded[: len(array)] = array
-    return padded.reshape(height, WIDTH, -1)
+    return padded.reshape(-1, WIDTH, array.shape[1])
+
+
+def _height(count: int) -> int:
+    """Return the rows that so many texels fill."""
+    return max(1, -(-count // WIDTH))
 
 
 def as_floats(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     """Return 30-bit words in float32 bit patterns that no driver flushes or quiets: exponents 64 to 127."""
-    bits = np.asarray(words, dtype=np.uint32)
-    return ((bits & np.uint32(0x1FFFFFFF)) | np.uint32(0x20000000) | (bits >> np.uint32(29)) << np.uint32(31)).view(
-        np.float32
-    )
+    words = np.asarray(words, dtype=np.uint32)
+    bits = words >> np.uint32(29)
+    bits <<= np.uint32(31)
+    bits |= words & np.uint32(0x1FFFFFFF)
+    bits |= np.uint32(0x20000000)
+    return bits.view(np.float32)
+
+
+def table(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Return 30-bit words as (h, WIDTH, 1) floats, zero beyond them."""
+    padded = np.zeros(_height(len(words)) * WIDTH, dtype=np.float32)
+    for part in parts(len(words)):
+        padded[part] = as_floats(words[part])
+    return padded.reshape(-1, WIDTH, 1)
 
 
 def as_words(floats: NDArray[np.float32]) -> NDArray[np.uint32]:
@@ -474,98 +630,167 @@ def as_words(floats: NDArray[np.float32]) -> NDArray[np.uint32]:
     return np.asarray((bits & np.uint32(0x1FFFFFFF)) | (bits >> np.uint32(31)) << np.uint32(29), dtype=np.uint32)
 
 
-def _line_keys(keys: Keys, direction: int) -> Keys:
-    """Return keys whose order follows the lines of a direction; neighbors on a line differ by 1."""
-    x = (keys & _MASK) - _BIAS
-    _, y, z = DIRECTIONS[direction]
-    shift = ((1 - y) << 2 * _BITS) + ((1 - z) << _BITS)
-    return keys + x * shift
-
-
 @dataclass(frozen=True)
 class _Gifts:
     """What points give to nodes.
 
     Parameters
     ----------
-    corner, weights : (n, 4) the nodes and the shares
-    address : (n,) column and row of block or texel
-    gives : (n,) whether a point has area
+    corner : (n, 4) to which nodes of which cubes, see Cubes.corners
+    nowhere : stands for the node where nothing is given
+    words : (n, 4) column and row of the block or texel, and the weight
     blocks : how many points are blocks; texels follow
     """
 
-    corner: Keys
-    weights: Floats
-    address: NDArray[np.uint32]
-    gives: NDArray[np.bool_]
+    corner: NDArray[np.int32]
+    nowhere: int
+    words: NDArray[np.uint32]
     blocks: int
 
 
-def _chain(near: Keys, read: Keys, gifts: _Gifts, place_bits: int) -> tuple[Chain, Callable[[Keys], Keys]]:
-    """Return the tables of a splat and four blurs, and what numbers the nodes of the last.
+def _gifts(cubes: Cubes, points: _Points, some: range | Integers, place_bits: int) -> _Gifts:
+    """Return what some of the points give, which are the first of those of the cubes."""
+    nowhere = len(cubes.cubes) << SLOT_BITS
+    steps = (1 << WORD_BITS - 2 * place_bits) - 1
+    corner = np.empty((len(some), 4), dtype=np.int32)
+    words = np.empty((len(some), 4), dtype=np.uint32)
+    for part in parts(len(some)):
+        own = _part(some, part)
+        weight = np.rint(cubes.weights(own) * steps).astype(np.uint32)
+        given = (weight > 0) & (points.areas[own] > 0)[:, None]
+        corner[part] = np.where(given, cubes.corners(own), nowhere)
+        words[part] = points.address[own, None] | weight << np.uint32(2 * place_bits)
+    return _Gifts(corner, nowhere, words, bisect_left(some, points.blocks))
+
+
+def _splat(
+    row: Row, gifts: _Gifts, places: Callable[[Integers], Integers]
+) -> tuple[Bits, NDArray[np.int32], NDArray[np.uint32]]:
+    """Return the nodes that are given something, and the `starts` and `entries` of a Chain, as words.
 
     Parameters
     ----------
-    near : ascending keys of nodes; two rings about them may hold a value
-    read : keys of nodes that texels read, in their order
+    places : says where nodes of cubes lie in the row
     """
-    around = _ring(np.sort(read))
-    target = np.append(read, np.setdiff1d(around, read, assume_unique=True))
-    universe = _ring(_ring(near))
-    flat = gifts.corner.ravel()
-    steps = (1 << WORD_BITS - 2 * place_bits) - 1
-    quantized = np.rint(gifts.weights.ravel() * steps).astype(np.uint32)
-    entry = np.flatnonzero(np.repeat(gifts.gives, 4) & (quantized > 0))
-    # Blocks come before texels, and a stable sort leaves them there.
-    entry = entry[np.argsort(flat[entry], kind="stable")]
-    words = gifts.address[entry >> 2] | quantized[entry] << np.uint32(2 * place_bits)
-    keys, node = _grouped(flat[entry])
-    single = entry >> 2 >= gifts.blocks
-    starts = np.append(0, np.cumsum(np.bincount(2 * node + single, minlength=2 * len(keys))))
+    given = np.zeros(gifts.nowhere + 1, dtype=bool)
+    for part in parts(len(gifts.corner)):
+        given[gifts.corner[part].astype(np.int64)] = True
+    corners = np.flatnonzero(given[:-1])
+    own = places(corners)
+    nodes = row.marked(own)
+    count = int(np.bitwise_count(nodes).sum())
+    # Entries of blocks come before those of texels, and what nobody gets comes last.
+    number = np.full(gifts.nowhere + 1, 2 * count, dtype=np.int32)
+    number[corners] = 2 * row.number(nodes, own)
+    column = np.empty_like(gifts.corner)
+    for part in parts(len(column)):
+        column[part] = number[gifts.corner[part].astype(np.int64)]
+    column[gifts.blocks :] += 1
+    # A row of a matrix, seen as columns, is sorted in one pass.
+    ends = np.array([0, column.size], dtype=np.int32)
+    matrix = csr_array((gifts.words.ravel(), column.ravel(), ends), shape=(1, 2 * count + 2)).tocsc()
+    starts = matrix.indptr[: 2 * count + 1]
+    return nodes, starts, matrix.data[: starts[-1]]
 
-    order = np.argsort(target, kind="stable")
-    held = [keys]
-    for k in (0, 1, 2):
-        held.append(_spread(held[k], k, universe))
+
+def _chain(
+    lines: list[_Lines],
+    row: Row,
+    near: Bits,
+    first: Bits,
+    read: Bits,
+    gifts: _Gifts,
+    places: Callable[[Integers], Integers],
+) -> tuple[Chain, Callable[[Integers], Integers]]:
+    """Return the tables of a splat and four blurs, and what numbers the nodes of the last by their places.
+
+    Parameters
+    ----------
+    lines : of each direction
+    row : of the first direction's lines
+    near : nodes in this row; two rings about them may hold a value
+    first, read : nodes that texels read; the first of them, and all
+    places : says where nodes of cubes lie in the row
+    """
+    steps = (DIRECTIONS @ lines[0].unit).tolist()
+    universe = near
+    for _ in range(2):
+        narrow, row = row, row.around(universe, [way * step for way in (-1, 1) for step in steps])
+        universe, first, read = (narrow.within(row, bits) for bits in (universe, first, read))
+        universe = _ring(row, universe, steps)
+    around = _ring(row, read, steps)
+
+    nodes, starts, entries = _splat(row, gifts, places)
+    held = [nodes]
+    for step in steps[:3]:
+        held.append(_spread(row, held[-1], step) & universe)
     needed = around
     for k in (3, 2, 1):
-        needed = _spread(needed, k, universe)
-        held[k] = _common(held[k], needed)
-    # Ascending keys follow the lines of the first direction already.
-    held = [keys[np.argsort(_line_keys(keys, k), kind="stable")] for k, keys in enumerate(held)]
-    lines = [_words(_line_keys(held[k], k), _line_keys(out, k)) for k, out in enumerate([*held[1:], target])]
+        needed = _spread(row, needed, steps[k]) & universe
+        held[k] &= needed
 
-    def number(keys: Keys) -> Keys:
-        return order[np.searchsorted(around, keys)]
+    # What is read comes first in the last texture.
+    target = np.concatenate([row.members(bits) for bits in (first, read & ~first, around & ~read)])
+    last = row.at(target)
+    order = np.empty(len(last), dtype=np.int64)
+    order[row.number(around, last)] = np.arange(len(last))
 
-    links = np.empty((len(read), 8), dtype=np.float32)
-    for k, step in enumerate([*_STEPS, *-_STEPS]):
+    def number(nodes: Integers) -> Integers:
+        return order[row.number(around, nodes)]
+
+    # Each direction has a row of its own, in which its lines are.
+    own, sets = [row], [held[0]]
+    inside = row.members(held[1])
+    for k in (1, 2, 3):
+        given = lines[k].of(lines[0], row, inside)
+        inside = row.members(held[k + 1]) if k < 3 else target
+        own.append(Row([given, lines[k].of(lines[0], row, inside)], lines[k].words))
+        sets.append(own[k].marked(given))
+    del given, inside
+    words = []
+    for k in range(4):
+        if k < 3:
+            wanted = lines[k].of(lines[k + 1], own[k + 1], own[k + 1].members(sets[k + 1]))
+        else:
+            wanted = lines[k].of(lines[0], row, target)
+        words.append(table(_words(own[k], sets[k], wanted)))
+
+    count = int(np.bitwise_count(read).sum())
+    links = np.zeros((_height(2 * count) * WIDTH // 2, 8), dtype=np.float32)
+    for k, step in enumerate([*steps, *(-step for step in steps)]):
         # A ring is about all of them.
-        links[:, k] = number(read + step)
+        links[:count, k] = number(last[:count] + step)
     chain = Chain(
-        tuple(map(len, [*held, target])),
-        len(read),
-        rows(as_floats(starts)[:, None]),
-        rows(as_floats(words)[:, None]),
-        tuple(rows(as_floats(line)[:, None]) for line in lines),
-        rows(links.reshape(-1, 4)),
+        (*(int(np.bitwise_count(bits).sum()) for bits in held), len(last)),
+        count,
+        table(starts),
+        table(entries),
+        tuple(words),
+        links.reshape(-1, WIDTH, 4),
     )
     return chain, number
 
 
-def _words(held: Keys, wanted: Keys) -> NDArray[np.uint32]:
+def _words(row: Row, held: Bits, wanted: Integers) -> NDArray[np.uint32]:
     """Return for nodes on lines where the nodes within REACH begin among those held, and which of them there are.
 
-    Both are keys of one direction's lines; those held ascend.
+    The words of all that are wanted are in the row.
     """
-    index = np.searchsorted(held, wanted - REACH)
-    words = index.astype(np.uint32)
-    held = np.append(held, _NONE)
-    for k in range(2 * REACH + 1):
-        there = held[index] == wanted + (k - REACH)
-        words |= there.astype(np.uint32) << np.uint32(LINE_BITS + k)
-        index += there
-    return words
+    # Half a word with what is within reach of it.
+    low, high = row.moved(held, REACH), row.moved(held, REACH - 32)
+    before = row.before(held)
+    ends = np.uint64((1 << REACH) - 1), np.uint64((1 << 32 - REACH) - 1)
+    first = np.stack([before - np.bitwise_count(low & ends[0]), before + np.bitwise_count(held & ends[1])], axis=1)
+    first_of, near_of = first.astype(np.uint32).ravel(), np.stack([low, high], axis=1).ravel()
+    result = np.empty(len(wanted), dtype=np.uint32)
+    for part in parts(len(wanted)):
+        at = wanted[part]
+        half, bit = row.slot(at) << 1 | at >> 5 & 1, at & 31
+        near = near_of[half]
+        index = first_of[half] + np.bitwise_count(near & below(bit))
+        there = near >> bit.view(np.uint64) & np.uint64((1 << 2 * REACH + 1) - 1)
+        result[part] = index | there.astype(np.uint32) << np.uint32(LINE_BITS)
+    return result
 
 
 def pack(tables: LatticeTables) -> dict[str, NDArray[Any]]:

@@ -430,7 +430,7 @@ def slice_twin(
     offset = np.clip(at - 2 * (2 * np.floor((at / 2 - parity) / 2 + 0.5) + parity), -1, 1)
     sign = np.where(offset < 0, -1.0, 1.0)
     order = np.argsort(-np.abs(offset), axis=1, kind="stable")
-    weights = tetrahedron_weights(np.take_along_axis(np.abs(offset), order, axis=1))
+    weights = tetrahedron_weights(*np.take_along_axis(np.abs(offset), order, axis=1).T)
     longest, shortest = (2 * sign * (np.arange(3) == order[:, k : k + 1]) for k in (0, 2))
     read, links = table.whole.read, table.whole.links.reshape(-1, 8)
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from skincli.errors import LimitError
 from skincli.mesh import lattice, surface
+from skincli.mesh.bits import Row
 from skincli.mesh.model import Mesh, Part
 from skincli.mesh.texels import Texels, atlas_texels
 from skincli.passes.lattice import Term, twin
@@ -85,15 +87,77 @@ def sheet() -> Texels:
 
 def test_tetrahedra_hold_their_points() -> None:
     points = np.random.default_rng(3).uniform(-40, 40, (500, 3))
-    corner, place, code = lattice.tetrahedra(points, 1.7)
-    nodes, weights = lattice.coordinates(corner), lattice.tetrahedron_weights(place)
+    cubes = lattice.Cubes(points, 1.7)
+    every = slice(0, len(points))
+    cube, which = np.divmod(cubes.corners(every), 1 << lattice.SLOT_BITS)
+    assert np.array_equal(cube, np.repeat(cubes.of[:, None], 4, axis=1))
+    nodes, weights = 2 * cubes.cubes[cube] + lattice.NEAR[which], cubes.weights(every)
     assert np.all(nodes % 2 == nodes[..., :1] % 2)
     assert weights.min() >= 0
     np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
     np.testing.assert_allclose(np.einsum("nk,nkd->nd", weights, nodes) * 0.85, points, atol=1e-9)
-    offset, again = lattice.unpacked_place(code, place)
-    np.testing.assert_allclose(offset, points[:, None] / 0.85 - nodes, atol=1e-9)
-    assert np.array_equal(again, weights)
+
+
+def test_points_share_cubes() -> None:
+    points = np.random.default_rng(5).uniform(-9, 9, (3000, 3))
+    cubes = lattice.Cubes(points, 2.0)
+    distinct, of = np.unique(np.floor(points / 2 + 0.5).astype(int), axis=0, return_inverse=True)
+    assert np.array_equal(cubes.cubes, distinct)
+    assert np.array_equal(cubes.of, of.ravel())
+    some = np.array([3, 5, 8, 2000])
+    assert np.array_equal(cubes.met(some), np.unique(cubes.corners(some)))
+    assert np.array_equal(cubes.met(range(3000)), np.unique(cubes.corners(slice(0, 3000))))
+    nodes = np.zeros(len(distinct) << lattice.SLOT_BITS, dtype=bool)
+    nodes[cubes.met(some)] = True
+    assert np.array_equal(cubes.touch(nodes), nodes[cubes.corners(slice(0, 3000))].any(axis=1))
+
+
+def test_points_too_far_from_the_origin_are_refused() -> None:
+    with pytest.raises(LimitError, match="from the origin"):
+        lattice.Cubes(np.array([[0.0, 0.0, 0.0], [0.0, -6e5, 0.0]]), 1.0)
+
+
+@pytest.mark.parametrize("direction", range(4))
+def test_a_row_follows_the_lines_of_its_direction(direction: int) -> None:
+    nodes = 2 * np.random.default_rng(direction).integers(-30, 30, (400, 3))
+    lines, first = (lattice._Lines(nodes, lattice.DIRECTIONS[k]) for k in (direction, 0))
+    near = nodes + lattice.NEAR[np.arange(400) % 15]
+    at = lines.at(near)
+    assert np.array_equal(lines.nodes(at), near)
+    assert np.array_equal(lines.at(near + lattice.DIRECTIONS[direction]), at + 1)
+    assert len(np.unique(at)) == len(np.unique(near, axis=0))
+    assert 64 <= at.min() <= at.max() < 64 * lines.words
+    row = Row([at], lines.words)
+    members = row.members(row.marked(at))
+    assert np.array_equal(first.of(lines, row, members), first.at(lines.nodes(np.unique(at))))
+
+
+def test_neighbors_of_nodes() -> None:
+    nodes = 2 * np.random.default_rng(2).integers(-9, 9, (60, 3))
+    lines = lattice._Lines(nodes, lattice.DIRECTIONS[0])
+    steps = (lattice.DIRECTIONS @ lines.unit).tolist()
+    ring = np.unique(lines.at(nodes)[:, None] + [0, *steps, *(-step for step in steps)])
+    row = Row([ring], lines.words)
+    assert np.array_equal(row.at(row.members(lattice._ring(row, row.marked(lines.at(nodes)), steps))), ring)
+
+
+def test_pieces_far_apart_keep_their_tables(sheet: Texels) -> None:
+    left = sheet.positions[:, 0] < 0
+    made = []
+    for apart in (40.0, 400.0, 50_000.0):
+        moved = np.where(left[:, None], sheet.positions, sheet.positions + apart)
+        # By whole lattice constants.
+        made.append(tables(replace(sheet, positions=moved), 0.8))
+    for other in made[1:]:
+        assert other.whole.counts == made[0].whole.counts
+        for name, array in lattice.pack(made[0]).items():
+            assert np.array_equal(lattice.pack(other)[name], array), name
+
+
+def test_a_lattice_too_large_is_refused(sheet: Texels, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lattice, "MOST_WORDS", 1000)
+    with pytest.raises(LimitError, match=r"choose a larger optics\.radius"):
+        tables(sheet, 0.75)
 
 
 @pytest.mark.parametrize("ratio", [0.85, 1.0, 1.15, 1.3])
@@ -147,8 +211,9 @@ def test_a_wrong_tap_is_caught(pair: int, monkeypatch: pytest.MonkeyPatch) -> No
 def test_lines_find_their_nodes() -> None:
     """Among nodes with gaps, those that exist and no others, each in its place."""
     random = np.random.default_rng(8)
-    held, wanted = (np.flatnonzero(random.random(400) < 0.4) for _ in range(2))
-    words = lattice._words(held, wanted).astype(int)
+    held, wanted = (64 + np.flatnonzero(random.random(400) < 0.4) for _ in range(2))
+    row = Row([held, wanted], 9)
+    words = lattice._words(row, row.marked(held), wanted).astype(int)
     for word, node in zip(words, wanted, strict=True):
         first, exists = word & (1 << lattice.LINE_BITS) - 1, word >> lattice.LINE_BITS
         near = [k for k in range(-lattice.REACH, lattice.REACH + 1) if node + k in held]
