@@ -23,8 +23,8 @@ def parts(count: int) -> Iterator[slice]:
 class Row:
     """A long row of bits, of which only some words may hold any: a set is these words, (m,) uint64.
 
-    The first word of the row is among them and must hold none, as must what moves beyond the ends: it stands for all
-    words that are not among them.
+    The first word of the row is among them and must hold none: it stands for all words that are not among them. The
+    others lie so far from the ends that nothing moves beyond these.
 
     Parameters
     ----------
@@ -112,9 +112,8 @@ class Row:
     def _words(self, offset: int) -> NDArray[np.int32]:
         """Return which of the words lies so many places after each."""
         if offset not in self._beside:
-            # Those beyond an end count from the other, where there are none either.
-            place = self.place + offset
-            self._beside[offset] = self._slot[place - self.count * (place >= self.count)]
+            # Before the first word counts from the end of the row, where there are none either.
+            self._beside[offset] = self._slot[self.place + offset]
         return self._beside[offset]
 
 

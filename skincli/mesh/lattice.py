@@ -156,7 +156,7 @@ class _Points:
     positions, normals, areas : of the points
     address : column and row of the block or texel
     blocks : how many are blocks
-    of : (n,) the point of each texel
+    of : (n,) the point of each texel, or all in their order
     blur : variance about the middle of a block, mm² per axis of the surface
     """
 
@@ -165,7 +165,7 @@ class _Points:
     areas: Floats
     address: NDArray[np.uint32]
     blocks: int
-    of: Integers
+    of: Integers | slice
     blur: float
 
 
@@ -280,8 +280,7 @@ def _points(
     """Return the blocks of texels that lie within `reach` of their middle and face one way, and all other texels."""
     if factor == 1:
         # Each texel is a block.
-        every = np.arange(len(texel))
-        return _Points(positions, normals, areas, _address(texel, size, bits), len(texel), every, 0.0)
+        return _Points(positions, normals, areas, _address(texel, size, bits), len(texel), slice(None), 0.0)
     side = -(-size // factor)
     block, total, middle, mean = block_means(positions, normals, areas, texel, size, factor)
 
@@ -312,8 +311,11 @@ def _points(
 
 def _address(index: Integers, side: int, bits: int) -> NDArray[np.uint32]:
     """Return column and row of places in a square."""
-    row = index // side
-    return (index - row * side | row << bits).astype(np.uint32)
+    result = np.empty(len(index), dtype=np.uint32)
+    for part in parts(len(index)):
+        row = index[part] // side
+        result[part] = index[part] - row * side | row << bits
+    return result
 
 
 def taps(ratio: float) -> tuple[float, ...]:
@@ -460,11 +462,14 @@ NEAR, CORNERS = _corner_table()
 
 
 def _together(cubes: Integers) -> Integers:
-    """Return the (k, 3) even nodes of cubes, in half lattice constants, pieces apart moved together along the axes."""
+    """Return the (k, 3) even nodes of cubes, half lattice constants from the lowest along each axis.
+
+    Pieces of the surface that are more than GAP apart along an axis are moved together.
+    """
     nodes = np.empty_like(cubes)
     for axis, along in enumerate(cubes.T):
-        along = along - along.min()
-        taken = np.zeros(along.max() + 1, dtype=np.int64)
+        along = along - along.min(initial=MOST_CUBES)
+        taken = np.zeros(along.max(initial=0) + 1, dtype=np.int64)
         taken[along] = 1
         planes = np.flatnonzero(taken)
         taken[planes] = 2 * np.cumsum(np.minimum(np.diff(planes, prepend=0), GAP))
@@ -488,6 +493,8 @@ class _Lines:
 
     def __init__(self, nodes: Integers, direction: Integers) -> None:
         self.direction = direction
+        if not len(nodes):
+            nodes = np.zeros((1, 3), dtype=np.int64)
         # A line is where two coordinates are equal, and x goes along it.
         along = nodes[:, 0]
         across = np.stack([nodes[:, axis] - direction[axis] * along for axis in (1, 2)]) // 2

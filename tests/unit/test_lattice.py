@@ -154,6 +154,13 @@ def test_pieces_far_apart_keep_their_tables(sheet: Texels) -> None:
             assert np.array_equal(lattice.pack(other)[name], array), name
 
 
+def test_an_atlas_without_texels_has_empty_tables() -> None:
+    none = np.zeros((0, 3))
+    made = lattice.tables(none, none, none[:, 0], np.zeros(0, dtype=np.int64), SIZE, 1.0)
+    assert made.whole.counts == made.bent.counts == (0, 0, 0, 0, 0)
+    assert not made.slices.any()
+
+
 def test_a_lattice_too_large_is_refused(sheet: Texels, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lattice, "MOST_WORDS", 1000)
     with pytest.raises(LimitError, match=r"choose a larger optics\.radius"):
