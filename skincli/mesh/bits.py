@@ -37,7 +37,8 @@ class Row:
         held = np.zeros(count, dtype=bool)
         held[0] = True
         for some in numbers:
-            held[some >> 6] = True
+            for part in parts(len(some)):
+                held[some[part] >> 6] = True
         #: (m,) the places of the words in the row, ascending
         self.place = np.flatnonzero(held)
         self._slot = np.zeros(count, dtype=np.int32)
@@ -61,9 +62,10 @@ class Row:
         result = np.empty(int(np.bitwise_count(bits).sum()), dtype=np.int64)
         count = 0
         for part in parts(len(bits)):
-            flags = np.unpackbits(bits[part].astype("<u8").view(np.uint8), bitorder="little")
-            found = np.flatnonzero(flags.view(bool))
-            result[count : count + len(found)] = found + 64 * part.start
+            octets = bits[part].astype("<u8").view(np.uint8)
+            some = np.flatnonzero(octets != 0)
+            found = np.flatnonzero(np.unpackbits(octets[some], bitorder="little").view(bool))
+            result[count : count + len(found)] = (some[found >> 3] << 3 | found & 7) + 64 * part.start
             count += len(found)
         return result
 

@@ -675,6 +675,8 @@ def _splat(
 ) -> tuple[Bits, NDArray[np.int32], NDArray[np.uint32]]:
     """Return the nodes that are given something, and the `starts` and `entries` of a Chain, as words.
 
+    The gifts are spent: of so many there is no second copy.
+
     Parameters
     ----------
     places : says where nodes of cubes lie in the row
@@ -689,9 +691,9 @@ def _splat(
     # Entries of blocks come before those of texels, and what nobody gets comes last.
     number = np.full(gifts.nowhere + 1, 2 * count, dtype=np.int32)
     number[corners] = 2 * row.number(nodes, own)
-    column = np.empty_like(gifts.corner)
+    column = gifts.corner
     for part in parts(len(column)):
-        column[part] = number[gifts.corner[part].astype(np.int64)]
+        column[part] = number[column[part].astype(np.int64)]
     column[gifts.blocks :] += 1
     # A row of a matrix, seen as columns, is sorted in one pass.
     ends = np.array([0, column.size], dtype=np.int32)
