@@ -66,7 +66,7 @@ _ORIGIN = int(_UNITS.sum()) << _BITS - 1
 #: cubes between a point and the origin along an axis, at most
 MOST_CUBES = (1 << _BITS - 2) - 2
 
-#: bits of the number of a cube's node among all for which of the cube's it is
+#: bits by which a node is told from others of its cube, after the cube's number
 SLOT_BITS = 4
 
 #: bits of a word
@@ -199,7 +199,7 @@ def tables(
 
     Raises
     ------
-    LimitError : the surface has more nodes than a table can name
+    LimitError : the surface has more nodes than a table can name, or the box about it is too large
     """
     spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
     place_bits = max(11, (size - 1).bit_length())
@@ -561,6 +561,10 @@ def bent(
     """Return which points see normals that differ within reach, and which points are within reach of those.
 
     Where all normals within reach nearly agree, w = (1 + n . n') / 2 is nearly constant and cancels in the average.
+
+    Raises
+    ------
+    LimitError : a point is too far from the origin
     """
     cubes = Cubes(positions, BENT_SPACING * sigma)
     met = cubes.met(range(len(positions)))

@@ -141,17 +141,20 @@ def test_neighbors_of_nodes() -> None:
     assert np.array_equal(row.at(row.members(lattice._ring(row, row.marked(lines.at(nodes)), steps))), ring)
 
 
-def test_pieces_far_apart_keep_their_tables(sheet: Texels) -> None:
+def test_pieces_far_apart_keep_their_tables(sheet: Texels, monkeypatch: pytest.MonkeyPatch) -> None:
     left = sheet.positions[:, 0] < 0
-    made = []
-    for apart in (40.0, 400.0, 50_000.0):
-        moved = np.where(left[:, None], sheet.positions, sheet.positions + apart)
-        # By whole lattice constants.
-        made.append(tables(replace(sheet, positions=moved), 0.8))
-    for other in made[1:]:
-        assert other.whole.counts == made[0].whole.counts
-        for name, array in lattice.pack(made[0]).items():
+
+    def parted(lattice_constants: int) -> lattice.LatticeTables:
+        away = sheet.positions + 0.8 * lattice_constants
+        return tables(replace(sheet, positions=np.where(left[:, None], sheet.positions, away)), 0.8)
+
+    near, far, farther = (parted(constants) for constants in (100, 500, 60_000))
+    for other in (far, farther):
+        for name, array in lattice.pack(near).items():
             assert np.array_equal(lattice.pack(other)[name], array), name
+    # Where they are, they meet as little as where they are moved to.
+    monkeypatch.setattr(lattice, "GAP", 1000)
+    assert (parted(100).whole.counts, parted(100).bent.counts) == (near.whole.counts, near.bent.counts)
 
 
 def test_an_atlas_without_texels_has_empty_tables() -> None:
