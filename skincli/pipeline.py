@@ -53,7 +53,7 @@ from skincli.passes.occlusion_band import BandValues, OcclusionBand
 from skincli.passes.reflection import Reflection, ReflectionValues
 from skincli.passes.resolve import Resolve, ResolveValues
 from skincli.passes.screen_diffusion import Arriving, ArrivingValues, screen_nodes, screen_values
-from skincli.passes.seen import seen_node, tile_defines, tiled
+from skincli.passes.seen import seen_node, tile_defines
 from skincli.passes.site import Site, SiteValues
 from skincli.passes.slope import Slope, SlopeValues
 from skincli.passes.specular import Specular, SpecularValues
@@ -430,14 +430,14 @@ class Pipeline:
             Irradiance(
                 "irradiance",
                 self.atlas_size,
-                [tiled(self.atlas_size, light) for light in self._atlas_lights()],
+                draws_of(self._atlas_lights()),
                 {"position": Ref("atlas", "position"), "normal": Ref("atlas", "normal"), "seen": wanted},
                 defines=(*irradiance.DEFINES, *tile_defines(self.atlas_size)),
             )
         )
         way_in = AbsorbValues(WAYS_IN[self.scene.render.diffusion.albedo])
         incoming = {"image": Ref("irradiance", "irradiance"), "albedo": Ref("atlas", "albedo"), "seen": wanted}
-        absorbed = tiled(self.atlas_size, way_in)
+        absorbed = Draw(way_in)
         nodes.append(Absorb("incoming", self.atlas_size, [absorbed], incoming, defines=tile_defines(self.atlas_size)))
         nodes += self._diffusion(nodes, seen, wanted)
         # view -> occlusion; view + lights -> specular; view + environment -> reflection

@@ -29,7 +29,7 @@ from skincli.bench.scene import load
 from skincli.bench.timing import MEMO, Spread, free, turned
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph
-from skincli.graph.node import Load, Node, Pass, Ref, Source
+from skincli.graph.node import Load, Pass, Ref
 from skincli.graph.store import Store
 from skincli.mesh import unwrap
 from skincli.mesh.load import load_builtin
@@ -38,10 +38,11 @@ from skincli.mesh.subdivide import subdivided
 from skincli.mesh.surface import face_areas
 from skincli.mesh.texels import Texels, atlas_texels
 from skincli.optics.gaussians import HUMAN
-from skincli.passes.combine import LEVELS
+from skincli.passes.combine import LEVELS, Combine
 from skincli.passes.irradiance import averaged
 from skincli.passes.lattice import LatticeSlice
 from skincli.passes.seen import seen_node
+from skincli.passes.window import Window
 from skincli.pipeline import ATLAS_GUTTER, OUTPUTS, Pipeline, frame_camera
 from skincli.reference.surface_integral import Light, mesh_samples
 from skincli.reference.texels import samples_of
@@ -341,7 +342,10 @@ class Surface:
         self.build_s = time.perf_counter() - start
         nodes = dict(self.pipeline.graph.nodes)
         nodes["given"] = Load("given", "nothing yet", lambda: [np.zeros((1, 1, 4))])
-        nodes["incoming"] = _rewired(nodes["incoming"], image=Ref("given", "image"))
+        incoming = copy(nodes["incoming"])
+        assert isinstance(incoming, Pass)
+        incoming.wired = {**incoming.wired, "image": Ref("given", "image")}
+        nodes["incoming"] = incoming
         combine = nodes["diffused"]
         assert isinstance(combine, Pass)
         #: what the widest Gaussians give, narrowest first
@@ -355,9 +359,9 @@ class Surface:
         # The same for a picture, which reads a part of the atlas.
         read = seen_node(self.pipeline.atlas_size, self.pipeline.size, Ref("view", "depth"), Ref("view", "uv"))
         part = {
-            name: _rewired(node, seen=Ref(read.name, "seen"))
+            name: node.over(Ref(read.name, "seen"))
             for name, node in nodes.items()
-            if isinstance(node, Pass) and "seen" in node.wired
+            if isinstance(node, Window | LatticeSlice | Combine)
         }
         self._rewired = set(part)
         self._picture = FrameGraph({**nodes, **part, read.name: read}.values(), self._graph.store)
@@ -645,14 +649,6 @@ def measure(name: str, layout: str, mesh: Mesh, size: int, converged: Converged)
         dict(zip(LIGHTS, passed.steps, strict=True)), passed.seam_pixels,
     )  # fmt: skip
     return rows, about
-
-
-def _rewired(node: Node, **inputs: Source) -> Pass:
-    """Return a pass that reads some of its inputs from elsewhere."""
-    assert isinstance(node, Pass)
-    other = copy(node)
-    other.wired = {**node.wired, **inputs}
-    return other
 
 
 @dataclass(frozen=True)

@@ -79,10 +79,6 @@ BENT = 1 << NODE_BITS + 3
 #: bits of a word of `lines` before those that say which nodes of a line exist
 LINE_BITS = WORD_BITS - 2 * REACH - 1
 
-#: texels along the side of a block are the power of two by which it stays below sigma over this: wider ones move the
-#: light at its edges by more than all else errs
-BLOCKS_PER_SIGMA = 2.2
-
 #: sigmas that a texel may lie from the middle of its block; others give their light by themselves
 BLOCK_REACH = 0.18
 
@@ -170,8 +166,11 @@ class _Points:
 
 
 def block_factor(sigma: float, texel: float) -> int:
-    """Return the texels along the side of the blocks from which a Gaussian's light is given; both in mm."""
-    return 1 << max(0, math.floor(math.log2(sigma / (BLOCKS_PER_SIGMA * texel))))
+    """Return the texels along the side of the blocks from which a Gaussian's light is given; both in mm.
+
+    Most texels of a flat block lie within BLOCK_REACH of its middle.
+    """
+    return 1 << int(math.log2(1 + math.sqrt(2) * BLOCK_REACH * sigma / texel))
 
 
 def tables(

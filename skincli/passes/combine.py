@@ -12,7 +12,7 @@ from skincli.gpu.blocks import Values
 from skincli.graph.node import Draw, Input, Output, Source
 from skincli.optics.levels import MAX_LEVELS, MAX_SPREAD
 from skincli.passes.blur import LEAST_COVERAGE
-from skincli.passes.seen import Tiled, tile_defines, tiled
+from skincli.passes.seen import Tiled, tile_defines
 
 #: the inputs that hold the Gaussians, narrowest first; with four others as many as every driver has
 LEVELS = tuple(f"level{number}" for number in range(1, MAX_LEVELS + 1))
@@ -74,7 +74,7 @@ def combine_node(
     """
     inputs = {"image": image, "owner": owner, "spread": spread, "weights": weights, "seen": seen}
     inputs |= dict(zip(LEVELS, levels, strict=False))
-    draw: Draw = tiled(size, CombineValues(slots, MAX_SPREAD, LEAST_COVERAGE))
+    draw = Draw(CombineValues(slots, MAX_SPREAD, LEAST_COVERAGE))
     added = "".join(f"    add({number}, fetch({LEVELS[number - 1]}, texel));\n" for number in range(1, len(levels) + 1))
     generated = (("generated/levels.glsl", f"void add_levels(ivec2 texel) {{\n{added}}}\n"),)
     return Combine(name, size, [draw], inputs, defines=tile_defines(size), generated=generated)

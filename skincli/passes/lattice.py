@@ -25,7 +25,7 @@ from skincli.mesh.lattice import (
     taps,
     tetrahedron_weights,
 )
-from skincli.passes.seen import Tiled, tile_defines, tiled
+from skincli.passes.seen import Tiled, tile_defines
 
 #: stands for the average of a node that no light reaches; lights may be negative, but not so
 NONE = -1e30
@@ -227,7 +227,7 @@ def lattice_nodes(
             inputs |= _results(bent[-1])
             nodes += bent
         share = SliceValues(term.weight, 1 / len(terms), table.spacing / 2, table.whole.read, table.bent.read)
-        draws.append(tiled(size, share, inputs))
+        draws.append(Draw(share, inputs))
     shared = {"position": position, "normal": normal, "seen": seen}
     return [*nodes, LatticeSlice(name, size, draws, shared, defines=(*DEFINES, *tile_defines(size)), terms=terms)]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 from skincli.gpu.blocks import Values, Vec2
 from skincli.graph.node import ONE, Draw, Input, Output, Pass, Source
@@ -47,15 +47,21 @@ class Tiled(Pass):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        if self.wired.get("seen") == ONE:
-            self.draws = tuple(replace(draw, points=0) for draw in self.draws)
-        else:
-            self.vertex = "lib/tiles.vert"
+        self._aim()
 
+    def over(self, seen: Source) -> Self:
+        """Return the same pass over other tiles."""
+        other = copy(self)
+        other.__dict__.pop("_static_digest", None)
+        other.wired = {**self.wired, "seen": seen}
+        other._aim()
+        return other
 
-def tiled(size: tuple[int, int], values: Values, inputs: Mapping[str, Source] | None = None) -> Draw:
-    """Return a draw of such a pass into a target of a size."""
-    return Draw(values, inputs or {}, points=math.prod(tile_extent(size)))
+    def _aim(self) -> None:
+        whole = self.wired.get("seen") == ONE
+        self.vertex = "lib/screen.vert" if whole else "lib/tiles.vert"
+        points = 0 if whole else math.prod(tile_extent(self.size))
+        self.draws = tuple(replace(draw, points=points) for draw in self.draws)
 
 
 def tile_defines(atlas: tuple[int, int], factor: int = 1) -> tuple[tuple[str, str], ...]:

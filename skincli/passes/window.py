@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
-from skincli.graph.node import Input, Node, Output, Ref, Source
+from skincli.graph.node import Draw, Input, Node, Output, Ref, Source
 from skincli.mesh.lattice import as_words
 from skincli.mesh.windows import RADIUS_BITS, ROW_BITS, WindowTables, runs
 from skincli.passes.lattice import DEFINES, table_loads
-from skincli.passes.seen import Tiled, blocks_extent, tile_defines, tiled
+from skincli.passes.seen import Tiled, blocks_extent, tile_defines
 
 #: standard deviations that a Gaussian needs to have in texels, and those from which on blocks of them are summed
 LEAST_SAMPLES, BLOCK_SAMPLES = 0.4, 1.5
@@ -92,7 +92,7 @@ def block_node(
     """
     blocks = blocks_extent(size, factor)
     inputs = {"seen": wanted, "image": image, "area": area, "position": position, "normal": normal}
-    draw = tiled(blocks, WindowSourceValues(factor))
+    draw = Draw(WindowSourceValues(factor))
     return WindowSource(f"blocks_{factor}", blocks, [draw], inputs, defines=tile_defines(size, factor))
 
 
@@ -136,7 +136,7 @@ def window_nodes(
         **{"position": position, "normal": normal, "seen": seen},
     }
     defines = (*DEFINES, ("RADIUS_BITS", str(RADIUS_BITS)), ("ROW_BITS", str(ROW_BITS)), *tile_defines(size))
-    draw = tiled(size, WindowValues(tables.factor, KEPT_VARIANCE * math.log2(math.e) / (2 * variance)))
+    draw = Draw(WindowValues(tables.factor, KEPT_VARIANCE * math.log2(math.e) / (2 * variance)))
     return [*loads.values(), Window(name, size, [draw], inputs, defines=defines, tables=tables)]
 
 

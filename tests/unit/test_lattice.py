@@ -327,3 +327,19 @@ def test_a_gutter_continues_the_surface_without_area() -> None:
     assert np.all((wide.areas > 0) == inside)
     assert np.array_equal(wide.positions[inside], bare.positions)
     np.testing.assert_allclose(wide.positions @ flat.normals[0], flat.positions[0] @ flat.normals[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("sigma", [0.3, 3.0, 3.9, 4.0, 9.0, 11.7, 11.9, 40.0])
+def test_blocks_are_as_large_as_most_of_them_hold(sigma: float) -> None:
+    factor = lattice.block_factor(sigma, 1.0)
+    reach = lattice.BLOCK_REACH * sigma
+    assert (factor - 1) / np.sqrt(2) <= reach < (2 * factor - 1) / np.sqrt(2)
+    rows, columns = np.indices((16, 16)).reshape(2, -1)
+    place = np.stack([columns, rows, np.zeros(256)], axis=-1).astype(np.float64)
+    normal = np.broadcast_to([0.0, 0.0, 1.0], place.shape)
+    made = lattice.tables(place, normal, np.ones(256), np.arange(256), 16, sigma, factor)
+    # Of each node the first entries are of blocks, the others of texels that give their light by themselves.
+    starts = lattice.as_words(made.whole.starts.ravel()[: 2 * made.whole.counts[0] + 1]).astype(np.int64)
+    alone = (starts[2::2] - starts[1::2]).sum()
+    assert alone == 0
+    assert starts[-1] > 0
