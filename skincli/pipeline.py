@@ -131,9 +131,6 @@ OUTPUTS: Mapping[str, OutputKind] = {
 #: the outputs that need light to be diffused: its tables are not made where nobody asks for one of them
 DIFFUSED = frozenset({"beauty", "diffuse", "diffused"})
 
-#: the outputs that are of the whole atlas, whatever the picture sees of it
-WHOLE = frozenset({"irradiance", "diffused"})
-
 #: the picture as a display shows it; PNG files are made of it
 DISPLAYED = Ref("display", "displayed")
 
@@ -324,8 +321,8 @@ class Pipeline:
         diffuses = not skip or not DIFFUSED.isdisjoint(self.scene.outputs)
         self.method = render.diffusion_method if diffuses else "none"
         #: whether light is diffused in the whole atlas, or only where the picture reads it
-        self.whole = not skip or not WHOLE.isdisjoint(self.scene.outputs)
-        self._single = single
+        self.whole = not skip or "diffused" in self.scene.outputs
+        self._single, self._whole_light = single, "irradiance" in self.scene.outputs
         self._exact = exact
         if render.diffusion_method == "exact" and exact is None:
             raise InputError(
@@ -372,9 +369,10 @@ class Pipeline:
         """
         diffuses = display or not DIFFUSED.isdisjoint(outputs)
         method = self.scene.render.diffusion_method if diffuses else self.method
-        whole = self.whole or not WHOLE.isdisjoint(outputs)
-        if (method, whole) != (self.method, self.whole):
-            self.method, self.whole = method, whole
+        whole = self.whole or "diffused" in outputs
+        whole_light = self._whole_light or "irradiance" in outputs
+        if (method, whole, whole_light) != (self.method, self.whole, self._whole_light):
+            self.method, self.whole, self._whole_light = method, whole, whole_light
             self.__dict__.pop("_widths", None)
             self.graph = FrameGraph(self._nodes(), self._store, self._skip)
         targets = {name: OUTPUTS[name].source for name in outputs}
@@ -542,17 +540,17 @@ class Pipeline:
 
     def _wanted(self, nodes: list[Node]) -> tuple[Source, Source]:
         """Append what finds the tiles of the atlas that the picture reads, and those whose light reaches them."""
-        if self.whole or self.method not in ("lattice", "sum_of_gaussians", "none", "exact"):
+        part = {"lattice", "none", "sum_of_gaussians", "exact"} | ({"screen_space"} if self._single else set())
+        if self.whole or self.method not in part:
             return ONE, ONE
-        depth, uv, position = Ref("view", "depth"), Ref("view", "uv"), Ref("atlas", "position")
-        nodes.append(seen_node(self.atlas_size, self.size, depth, uv))
+        nodes.append(seen_node(self.atlas_size, self.size, Ref("view", "depth"), Ref("view", "uv")))
         seen = Ref("seen", "seen")
-        if not self._single or self.method not in ("lattice", "none"):
+        if not self._single or self._whole_light or self.method in ("sum_of_gaussians", "exact"):
             return seen, ONE
-        if not self._widths:
+        if self.method != "lattice" or not self._widths:
             return seen, seen
         grid = cubes(self.mesh.positions, REACH * self._widths[-1])
-        nodes += near_nodes(self.atlas_size, self.size, grid, depth, uv, position)
+        nodes += near_nodes(self.atlas_size, grid, seen, Ref("atlas", "position"))
         return seen, Ref("wanted", "wanted")
 
     def _diffusion(self, before: Sequence[Node], seen: Source, wanted: Source) -> list[Node]:
@@ -596,7 +594,7 @@ class Pipeline:
             nodes += blurs
             terms += found
         elif self.method in ("screen_space", "splat"):
-            owner, depth, size = Ref("view", "normal"), Ref("view", "depth"), self.size
+            owner, depth, size, seen = Ref("view", "normal"), Ref("view", "depth"), self.size, ONE
             read: dict[str, Source] = {"image": image, "uv": Ref("view", "uv"), "depth": depth}
             nodes.append(Arriving("arriving", size, [Draw(ArrivingValues())], read))
             light = Ref("arriving", "arriving")
@@ -652,7 +650,8 @@ class Pipeline:
     @cached_property
     def _least_lattice(self) -> float:
         """Standard deviation, mm, from which on the lattice serves; narrower ones are windows."""
-        return max(LEAST_LATTICE, math.sqrt(float(face_areas(self.mesh).sum()) / MOST_SPOTS))
+        spots = math.sqrt(float(face_areas(self.mesh).sum()) / MOST_SPOTS)
+        return max(LEAST_LATTICE, spots, lattice.least_sigma(self.mesh.positions))
 
     def _tables(self, before: Sequence[Node]) -> list[tuple[str, Any]]:
         """For each width the tables of its windows or its lattice, with the key that names them."""

@@ -351,7 +351,7 @@ class Sweep:
                 for draw in lit.draws:
                     assert isinstance(draw.values, IrradianceValues)
                     factor = 1 + 1e-5 * number
-                    ambient = tuple(factor * c for c in draw.values.ambient)
+                    ambient = tuple(factor * c + 1e-9 * number for c in draw.values.ambient)
                     values.append(replace(draw.values.brighter(factor), ambient=ambient))
                 pipeline.graph.update([lit.with_values(values)])
 

@@ -80,8 +80,12 @@ class Store:
         """
         total = sum(texture.bytes for texture in self._kept.values())
         room = sum(map(bytes_of, coming))
-        # Stable: the least recently used first.
-        for key in sorted(self._kept, key=lambda key: (key in self._dear, self._kept[key].shape not in coming)):
+
+        def last(key: str) -> tuple[bool, bool]:
+            # An upload is destroyed, and nothing can be drawn into it.
+            return key in self._dear, key in self._owned or self._kept[key].shape not in coming
+
+        for key in sorted(self._kept, key=last):  # stable: the least recently used first
             if total <= self.budget - room:
                 break
             if key in pinned:

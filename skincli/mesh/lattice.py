@@ -55,8 +55,8 @@ MARGIN = 8
 #: lattice constants to which pieces apart are moved together: what is read of one ends before the next
 GAP = 16
 
-#: words of a row of bits at most, 256 MB of their numbers
-MOST_WORDS = 1 << 26
+#: words of a row of bits at most, 128 MB of their numbers
+MOST_WORDS = 1 << 25
 
 # A key packs three coordinates.
 _BITS = 21
@@ -173,6 +173,19 @@ def block_factor(sigma: float, texel: float) -> int:
     return 1 << int(math.log2(1 + math.sqrt(2) * BLOCK_REACH * sigma / texel))
 
 
+def least_sigma(positions: Floats) -> float:
+    """Return the standard deviation, mm, from which on the lattice about points fits into rows of bits.
+
+    Parameters
+    ----------
+    positions : (n, 3) mm
+    """
+    x, y, z = np.ptp(positions, axis=0)
+    # Of the box of _Lines; its margins and the rounding of its sides take some more.
+    volume = x * (x + y) * (x + z) / 4
+    return float(1.1 * np.cbrt(8 * volume / (64 * MOST_WORDS)) / min(RATIO_NARROW, RATIO_WIDE))
+
+
 def tables(
     positions: Floats,
     normals: Floats,
@@ -255,7 +268,7 @@ def block_means(
     """
     side = -(-size // factor)
     # Where a block holds no area, its middle counts.
-    least = 1e-9 * areas.mean()
+    least = 1e-9 * areas.sum() / max(len(areas), 1)
     block = np.empty(len(texel), dtype=np.int64)
     total = np.zeros(side * side)
     middle, mean = np.zeros((2, side * side, 3))

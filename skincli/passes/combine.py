@@ -14,7 +14,7 @@ from skincli.optics.levels import MAX_LEVELS, MAX_SPREAD
 from skincli.passes.blur import LEAST_COVERAGE
 from skincli.passes.seen import Tiled, tile_defines
 
-#: the inputs that hold the Gaussians, narrowest first; with four others as many as every driver has
+#: the inputs that hold the Gaussians, narrowest first; with four others as many as a fragment shader may read
 LEVELS = tuple(f"level{number}" for number in range(1, MAX_LEVELS + 1))
 
 

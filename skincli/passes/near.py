@@ -1,7 +1,7 @@
 """Which part of the surface lies near what the picture sees, so that light elsewhere need not be computed.
 
-Space about the mesh is parted into cubes. Those in which the picture sees a surface are marked, with their neighbors;
-wanted are the tiles of the atlas with a texel in one of them.
+Space about the mesh is parted into cubes. Those with texels in tiles that the picture reads are marked, with their
+neighbors; wanted are the tiles of the atlas with a texel in one of them.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from skincli.passes.seen import tile_defines, tile_extent
 #: cubes along the longest side of the mesh, at most
 MOST_CUBES = 40
 
+#: cubes that the targets of Met name for each tile
+NAMED = 12
+
 
 @dataclass(frozen=True)
 class NearValues(Values):
-    """The cubes; those of one z stand side by side in a texture, with x along its rows.
+    """The cubes; those of one z stand side by side in a texture, with x along its rows, and above them a flag.
 
     Parameters
     ----------
@@ -37,19 +40,27 @@ class NearValues(Values):
 
 
 class Met(Pass):
-    """1 at the cubes in which the picture sees a surface."""
+    """Which cubes hold texels of each tile of the atlas that the picture reads: three times four numbers."""
 
     shader = "passes/met.frag"
-    vertex = "passes/met.vert"
-    inputs = {"depth": Input(), "uv": Input(), "position": Input()}
-    outputs = {"met": Output("r32f")}
+    inputs = {"seen": Input(), "position": Input()}
+    outputs = {"first": Output(), "second": Output(), "third": Output()}
+
+
+class Marked(Pass):
+    """1 at those cubes; a flag where a tile has texels in more than can be named."""
+
+    shader = "passes/marked.frag"
+    vertex = "passes/marked.vert"
+    inputs = {name: Input() for name in Met.outputs}
+    outputs = {"marked": Output("r32f")}
 
 
 class Near(Pass):
     """1 at those cubes and their neighbors."""
 
     shader = "passes/near.frag"
-    inputs = {"met": Input()}
+    inputs = {"marked": Input()}
     outputs = {"near": Output("r32f")}
 
 
@@ -75,22 +86,21 @@ def cubes(positions: NDArray[np.float64], reach: float) -> NearValues:
     return NearValues(tuple(map(float, low)), side, tuple(map(float, count)))
 
 
-def near_nodes(
-    atlas: tuple[int, int], size: tuple[int, int], values: NearValues, depth: Source, uv: Source, position: Source
-) -> list[Node]:
+def near_nodes(atlas: tuple[int, int], values: NearValues, seen: Source, position: Source) -> list[Node]:
     """Return the nodes; the last, "wanted", has the output `wanted`.
 
     Parameters
     ----------
-    atlas, size : of the atlas and of the picture
+    atlas : its size
     values : see `cubes`
-    depth, uv : of the picture: above 0 where there is a surface; where it reads the atlas (zw)
+    seen : see skincli.passes.seen
     position : of the surface in the atlas (xyz, mm; w above 0 where there is any)
     """
     across, high, deep = (int(count) for count in values.count)
-    grid = (across * deep, high)
-    read: dict[str, Source] = {"depth": depth, "uv": uv, "position": position}
-    met = Met("met", grid, [Draw(values, points=math.prod(size))], read)
-    near = Near("near", grid, [Draw(values)], {"met": Ref("met", "met")})
+    grid, tiles, defines = (across * deep, high + 1), tile_extent(atlas), tile_defines(atlas)
+    met = Met("met", tiles, [Draw(values)], {"seen": seen, "position": position}, defines=defines)
+    named: dict[str, Source] = {name: Ref("met", name) for name in Met.outputs}
+    marked = Marked("marked", grid, [Draw(values, points=NAMED * math.prod(tiles))], named)
+    near = Near("near", grid, [Draw(values)], {"marked": Ref("marked", "marked")})
     found: dict[str, Source] = {"near": Ref("near", "near"), "position": position}
-    return [met, near, Wanted("wanted", tile_extent(atlas), [Draw(values)], found, defines=tile_defines(atlas))]
+    return [met, marked, near, Wanted("wanted", tiles, [Draw(values)], found, defines=defines)]

@@ -335,6 +335,31 @@ def test_many_lights_add_up(pipeline: Make) -> None:
     np.testing.assert_allclose(many, 200 * one, rtol=2e-5)
 
 
+def test_lights_of_all_kinds_add_up_over_several_draws(pipeline: Make) -> None:
+    from skincli.gpu.textures import read_back
+    from skincli.graph.node import Ref
+    from skincli.passes import irradiance, specular
+
+    some = [
+        "{type: spot, position: [80, 260, 200], direction: [-1, -3, -2], intensity: [0.02, 0.01, 0.01], angle: 50}",
+        "{type: point, position: [-250, 150, 220], intensity: [0.002, 0.004, 0.006]}",
+        "{type: directional, direction: [-0.5, -0.6, -1], irradiance: [0.02, 0.03, 0.01]}",
+    ]
+    made = pipeline("ambient=[0.1, 0.2, 0.3]", f"lights=[{', '.join(some * 50)}]", "skin.surface.specular=1")
+    refs = [Ref("atlas", "position"), Ref("atlas", "normal"), Ref("irradiance", "irradiance")]
+    position, normal, found = (read_back(texture).astype(np.float64) for texture in made.graph.run(refs).values())
+    draws = [draw.values for draw in made.graph.nodes["irradiance"].draws]
+    assert [len(draw.sources()) for draw in draws] == [64, 64, 22]
+    np.testing.assert_allclose(found, irradiance.twin(draws, position, normal[..., :3]), atol=2e-5)
+    assert found[..., :3].max() > 1
+    refs = [*(Ref("view", output) for output in ("depth", "normal", "finish")), Ref("specular", "specular")]
+    depth, normal, finish, shine = (read_back(texture).astype(np.float64) for texture in made.graph.run(refs).values())
+    shining = [draw.values for draw in made.graph.nodes["specular"].draws]
+    assert [len(draw.sources()) for draw in shining] == [64, 64, 22]
+    expected = specular.twin(shining, depth[..., 0], normal, finish)
+    assert np.abs(shine[..., :3] - expected).max() <= 2e-5 * expected.max()
+
+
 def test_occlusion_stops_at_the_outline(pipeline: Make) -> None:
     # Samples all around the point find half of them inside the surface.
     arrays = pipeline("render.occlusion.samples=sphere").run(["depth", "occlusion", "occlusion_low"])

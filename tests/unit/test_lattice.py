@@ -157,9 +157,10 @@ def test_pieces_far_apart_keep_their_tables(sheet: Texels, monkeypatch: pytest.M
     assert (parted(100).whole.counts, parted(100).bent.counts) == (near.whole.counts, near.bent.counts)
 
 
-def test_an_atlas_without_texels_has_empty_tables() -> None:
+@pytest.mark.parametrize("factor", [1, 2])
+def test_an_atlas_without_texels_has_empty_tables(factor: int) -> None:
     none = np.zeros((0, 3))
-    made = lattice.tables(none, none, none[:, 0], np.zeros(0, dtype=np.int64), SIZE, 1.0)
+    made = lattice.tables(none, none, none[:, 0], np.zeros(0, dtype=np.int64), SIZE, 1.0, factor)
     assert made.whole.counts == made.bent.counts == (0, 0, 0, 0, 0)
     assert not made.slices.any()
 
@@ -343,3 +344,15 @@ def test_blocks_are_as_large_as_most_of_them_hold(sigma: float) -> None:
     alone = (starts[2::2] - starts[1::2]).sum()
     assert alone == 0
     assert starts[-1] > 0
+
+
+@pytest.mark.parametrize("extent", [(100.0, 100.0, 100.0), (1800.0, 1800.0, 300.0), (10.0, 2000.0, 5.0)])
+def test_the_least_sigma_fits_and_half_of_it_does_not(extent: tuple[float, float, float]) -> None:
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * np.array(extent)
+
+    def words(sigma: float) -> int:
+        cubes = lattice.Cubes(corners, 0.9 * sigma)
+        return max(lattice._Lines(2 * cubes.cubes, direction).words for direction in lattice.DIRECTIONS)
+
+    least = lattice.least_sigma(corners)
+    assert words(least) <= lattice.MOST_WORDS < words(least / 2)
