@@ -28,7 +28,7 @@ from skincli.graph.frame_graph import FrameGraph, NodeReport
 from skincli.graph.node import ONE, ZERO, Constant, Draw, Load, Node, Pass, Ref, Source, module_digest
 from skincli.graph.store import Store
 from skincli.layers.base import Texture
-from skincli.mesh import bits, lattice, windows
+from skincli.mesh import bits, lattice, windows, words
 from skincli.mesh.bake import bake
 from skincli.mesh.load import load_builtin, load_mesh
 from skincli.mesh.model import Material, Mesh, Urgent
@@ -657,7 +657,7 @@ class Pipeline:
         """For each width the tables of its windows or its lattice, with the key that names them."""
         # What texels the driver fills, and where they lie, it knows best.
         driver = "{renderer}, {version}".format(**device_info())
-        rooms = " ".join(module_digest(room.__name__).hex() for room in (lattice, windows, bits))
+        rooms = " ".join(module_digest(room.__name__).hex() for room in (lattice, windows, bits, words))
         about = f"{rooms} {driver} {self.mesh.key} {self.atlas_size} {ATLAS_GUTTER}"
         wanted: list[tuple[ModuleType, float, int, str]] = []
         for width in self._widths:

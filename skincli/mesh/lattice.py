@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 
 from skincli.errors import LimitError
 from skincli.mesh.bits import Bits, Row, below, parts
+from skincli.mesh.words import WIDTH, WORD_BITS, as_floats, height, table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,9 +37,6 @@ KEPT_VARIANCE = 0.98
 #: the line and from the nodes that texels read
 REACH = 3
 SPREAD = 2
-
-#: texels of a row in all tables and node textures, a power of two
-WIDTH = 4096
 
 #: sigmas between the nodes by which bent surface is found, how long a mean normal says it is not, and how many rings
 #: of such nodes lie within reach of a bent one
@@ -68,9 +66,6 @@ MOST_CUBES = (1 << _BITS - 2) - 2
 
 #: bits by which a node is told from others of its cube, after the cube's number
 SLOT_BITS = 4
-
-#: bits of a word
-WORD_BITS = 30
 
 #: bits of a word of `slices` that name a node; after them three that tell the node from others nearby, and BENT
 NODE_BITS = 22
@@ -114,7 +109,7 @@ class Chain:
 class LatticeTables:
     """Everything about a surface that the passes of one sigma read.
 
-    Words of `starts`, `entries`, `lines` and `slices` are 30 bits in a float32 whose exponent lies in the normal range.
+    `starts`, `entries`, `lines` and `slices` hold words, see skincli.mesh.words.
 
     Parameters
     ----------
@@ -617,42 +612,6 @@ def tetrahedron_weights(longest: Floats, middle: Floats, shortest: Floats) -> Fl
     )
 
 
-def rows(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (n, c) as (h, WIDTH, c), zero beyond n."""
-    padded = np.zeros((_height(len(array)) * WIDTH, array.shape[1]), dtype=np.float32)
-    padded[: len(array)] = array
-    return padded.reshape(-1, WIDTH, array.shape[1])
-
-
-def _height(count: int) -> int:
-    """Return the rows that so many texels fill."""
-    return max(1, -(-count // WIDTH))
-
-
-def as_floats(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """Return 30-bit words in float32 bit patterns that no driver flushes or quiets: exponents 64 to 127."""
-    words = np.asarray(words, dtype=np.uint32)
-    bits = words >> np.uint32(29)
-    bits <<= np.uint32(31)
-    bits |= words & np.uint32(0x1FFFFFFF)
-    bits |= np.uint32(0x20000000)
-    return bits.view(np.float32)
-
-
-def table(words: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """Return 30-bit words as (h, WIDTH, 1) floats, zero beyond them."""
-    padded = np.zeros(_height(len(words)) * WIDTH, dtype=np.float32)
-    for part in parts(len(words)):
-        padded[part] = as_floats(words[part])
-    return padded.reshape(-1, WIDTH, 1)
-
-
-def as_words(floats: NDArray[np.float32]) -> NDArray[np.uint32]:
-    """Return the 30-bit words that a table holds; the inverse of how tables are made."""
-    bits = np.ascontiguousarray(floats).view(np.uint32)
-    return np.asarray((bits & np.uint32(0x1FFFFFFF)) | (bits >> np.uint32(31)) << np.uint32(29), dtype=np.uint32)
-
-
 @dataclass(frozen=True)
 class _Gifts:
     """What points give to nodes.
@@ -781,7 +740,7 @@ def _chain(
         words.append(table(_words(own[k], sets[k], wanted)))
 
     count = int(np.bitwise_count(read).sum())
-    links = np.zeros((_height(2 * count) * WIDTH // 2, 8), dtype=np.float32)
+    links = np.zeros((height(2 * count) * WIDTH // 2, 8), dtype=np.float32)
     for k, step in enumerate([*steps, *(-step for step in steps)]):
         # A ring is about all of them.
         links[:count, k] = number(last[:count] + step)

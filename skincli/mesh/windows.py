@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skincli.errors import LimitError
-from skincli.mesh.lattice import as_floats, bent, block_means, rows
+from skincli.mesh.lattice import bent, block_means
+from skincli.mesh.words import as_floats, table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -50,7 +51,7 @@ ROWS = 128
 class WindowTables:
     """What the passes of one Gaussian read.
 
-    Words are 30 bits in a float32, see skincli.mesh.lattice.
+    Words are 30 bits in a float32, see skincli.mesh.words.
 
     Parameters
     ----------
@@ -132,8 +133,8 @@ def tables(
     return WindowTables(
         factor,
         as_floats(words).reshape(side, side, 1),
-        rows(as_floats(starts)[:, None]),
-        rows(as_floats(named // side | named % side << ROW_BITS)[:, None]),
+        table(starts),
+        table(named // side | named % side << ROW_BITS),
     )
 
 

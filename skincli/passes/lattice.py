@@ -18,13 +18,12 @@ from skincli.mesh.lattice import (
     LINE_BITS,
     NODE_BITS,
     REACH,
-    WIDTH,
     Chain,
     LatticeTables,
-    as_words,
     taps,
     tetrahedron_weights,
 )
+from skincli.mesh.words import WIDTH, as_words, height
 from skincli.passes.seen import Tiled, tile_defines
 
 #: stands for the average of a node that no light reaches; lights may be negative, but not so
@@ -295,7 +294,7 @@ def _results(node: Node) -> dict[str, Source]:
 
 
 def _extent(count: int) -> tuple[int, int]:
-    return WIDTH, max(1, -(-count // WIDTH))
+    return WIDTH, height(count)
 
 
 def twin(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from skincli.gpu.blocks import Values
 from skincli.graph.node import Draw, Input, Node, Output, Ref, Source
-from skincli.mesh.lattice import as_words
 from skincli.mesh.windows import RADIUS_BITS, ROW_BITS, WindowTables, runs
+from skincli.mesh.words import as_words
 from skincli.passes.lattice import DEFINES, table_loads
 from skincli.passes.seen import Tiled, blocks_extent, tile_defines
 

@@ -15,6 +15,7 @@ from skincli.mesh import lattice, surface
 from skincli.mesh.bits import Row
 from skincli.mesh.model import Mesh, Part
 from skincli.mesh.texels import Texels, atlas_texels
+from skincli.mesh.words import as_floats, as_words
 from skincli.passes.lattice import Term, twin
 
 SIZE = 64
@@ -234,10 +235,10 @@ def test_lines_find_their_nodes() -> None:
 
 def test_words_survive_as_normal_floats() -> None:
     words = np.array([0, 1, 2**22 - 1, 2**29, 2**30 - 1], dtype=np.uint32)
-    floats = lattice.as_floats(words)
+    floats = as_floats(words)
     assert np.all(np.abs(floats) > np.finfo(np.float32).tiny)
     assert np.all(np.isfinite(floats))
-    assert np.array_equal(lattice.as_words(floats), words)
+    assert np.array_equal(as_words(floats), words)
 
 
 def test_constant_light_stays(sheet: Texels) -> None:
@@ -255,7 +256,7 @@ def test_agrees_with_the_exact_sum_across_a_seam(sheet: Texels, sigma: float, fa
 
 def test_agrees_with_the_exact_sum_where_normals_differ() -> None:
     texels = atlas_texels(wavy(height=4.0), 2 * SIZE)
-    bent = lattice.as_words(tables(texels, 2.72, 2 * SIZE).slices.ravel()[texels.index]) & lattice.BENT > 0
+    bent = as_words(tables(texels, 2.72, 2 * SIZE).slices.ravel()[texels.index]) & lattice.BENT > 0
     assert bent.mean() > 0.5
     values = checker(texels)
     some = np.random.default_rng(4).choice(np.flatnonzero(bent), 500, False)
@@ -340,7 +341,7 @@ def test_blocks_are_as_large_as_most_of_them_hold(sigma: float) -> None:
     normal = np.broadcast_to([0.0, 0.0, 1.0], place.shape)
     made = lattice.tables(place, normal, np.ones(256), np.arange(256), 16, sigma, factor)
     # Of each node the first entries are of blocks, the others of texels that give their light by themselves.
-    starts = lattice.as_words(made.whole.starts.ravel()[: 2 * made.whole.counts[0] + 1]).astype(np.int64)
+    starts = as_words(made.whole.starts.ravel()[: 2 * made.whole.counts[0] + 1]).astype(np.int64)
     alone = (starts[2::2] - starts[1::2]).sum()
     assert alone == 0
     assert starts[-1] > 0

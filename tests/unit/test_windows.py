@@ -7,8 +7,8 @@ import pytest
 
 from skincli.errors import LimitError
 from skincli.mesh import windows
-from skincli.mesh.lattice import as_words
 from skincli.mesh.windows import RADIUS_BITS, REACH, ROW_BITS, WindowTables
+from skincli.mesh.words import as_words
 
 SIZE = 40
 
