@@ -71,7 +71,7 @@ ATLAS_GUTTER = 2
 
 #: mm: narrower Gaussians take more nodes of the surface lattice than they are worth; and how many of their variances a
 #: surface may measure before they take more than tables can name
-LEAST_LATTICE, MOST_SPOTS = 0.75, 600_000
+LEAST_LATTICE, MOST_SPOTS = 0.75, 750_000
 
 #: standard deviations from which the passes bring light to what the picture sees, all told: nodes of the lattice and
 #: their gradients lie within three, its blurs reach six, and windows as far as matters in float32

@@ -175,10 +175,20 @@ def least_sigma(positions: Floats) -> float:
     ----------
     positions : (n, 3) mm
     """
-    x, y, z = np.ptp(positions, axis=0)
-    # Of the box of _Lines; its margins and the rounding of its sides take some more.
-    volume = x * (x + y) * (x + z) / 4
-    return float(1.1 * np.cbrt(8 * volume / (64 * MOST_WORDS)) / min(RATIO_NARROW, RATIO_WIDE))
+    extent = np.ptp(positions, axis=0)
+    sigma = 1e-5 * float(extent.max()) + 1e-30
+    while True:
+        # The box of _Lines about the cubes that these points may lie in.
+        x, y, z = 2 * extent / _spacing(sigma) + 4
+        words = ((x + 2 * MARGIN) / 64 + 1) * ((x + y) / 2 + 2 * MARGIN + 1) * ((x + z) / 2 + 2 * MARGIN + 1)
+        if words <= MOST_WORDS:
+            return sigma
+        sigma *= 1.02
+
+
+def _spacing(sigma: float) -> float:
+    """Return the lattice constant that suits."""
+    return sigma * (RATIO_NARROW if sigma < NARROW else RATIO_WIDE)
 
 
 def tables(
@@ -208,7 +218,7 @@ def tables(
     ------
     LimitError : the surface has more nodes than a table can name, or the box about it is too large
     """
-    spacing = sigma * (ratio or (RATIO_NARROW if sigma < NARROW else RATIO_WIDE))
+    spacing = sigma * ratio if ratio else _spacing(sigma)
     place_bits = max(11, (size - 1).bit_length())
     points = _points(positions, normals, areas, texel, size, factor, BLOCK_REACH * sigma, place_bits)
     receives, gives = bent(points.positions, points.normals, points.areas, sigma)

@@ -352,7 +352,7 @@ def test_the_least_sigma_fits_and_half_of_it_does_not(extent: tuple[float, float
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * np.array(extent)
 
     def words(sigma: float) -> int:
-        cubes = lattice.Cubes(corners, 0.9 * sigma)
+        cubes = lattice.Cubes(corners, lattice._spacing(sigma))
         return max(lattice._Lines(2 * cubes.cubes, direction).words for direction in lattice.DIRECTIONS)
 
     least = lattice.least_sigma(corners)
