@@ -4,8 +4,8 @@
 uniform sampler2D first, second, third;
 
 void main() {
-    int tile = gl_VertexID / 12;
-    int slot = gl_VertexID % 12;
+    int tile = gl_VertexID / NAMED;
+    int slot = gl_VertexID % NAMED;
     int width = textureSize(first, 0).x;
     ivec2 place = ivec2(tile % width, tile / width);
     vec4 numbers = slot < 4 ? texelFetch(first, place, 0)

@@ -18,7 +18,7 @@ void main() {
             ++count;
         }
     }
-    if (count > 12) {
+    if (count > NAMED) {
         first.x = -1.0;
     }
 }

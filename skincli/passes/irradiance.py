@@ -18,7 +18,7 @@ DIRECTIONAL, POINT, SPOT = 1, 2, 3
 
 #: lights of one draw: a uniform block need not hold more
 MAX_LIGHTS = 64
-Lights = Annotated[tuple[tuple[float, ...], ...], "vec4[192]"]
+Lights = Annotated[tuple[tuple[float, ...], ...], f"vec4[{3 * MAX_LIGHTS}]"]
 
 #: skins that one mesh may carry; their factors lie side by side in a uniform block
 MAX_SLOTS = 64

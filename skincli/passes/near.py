@@ -19,8 +19,9 @@ from skincli.passes.seen import tile_defines, tile_extent
 #: cubes along the longest side of the mesh, at most
 MOST_CUBES = 40
 
-#: cubes that the targets of Met name for each tile
+#: cubes that the three targets of Met name for each tile
 NAMED = 12
+DEFINES = (("NAMED", str(NAMED)),)
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,9 @@ def near_nodes(atlas: tuple[int, int], values: NearValues, seen: Source, positio
     """
     across, high, deep = (int(count) for count in values.count)
     grid, tiles, defines = (across * deep, high + 1), tile_extent(atlas), tile_defines(atlas)
-    met = Met("met", tiles, [Draw(values)], {"seen": seen, "position": position}, defines=defines)
+    met = Met("met", tiles, [Draw(values)], {"seen": seen, "position": position}, defines=(*DEFINES, *defines))
     named: dict[str, Source] = {name: Ref("met", name) for name in Met.outputs}
-    marked = Marked("marked", grid, [Draw(values, points=NAMED * math.prod(tiles))], named)
+    marked = Marked("marked", grid, [Draw(values, points=NAMED * math.prod(tiles))], named, defines=DEFINES)
     near = Near("near", grid, [Draw(values)], {"marked": Ref("marked", "marked")})
     found: dict[str, Source] = {"near": Ref("near", "near"), "position": position}
     return [met, marked, near, Wanted("wanted", tiles, [Draw(values)], found, defines=defines)]

@@ -17,7 +17,7 @@ from skincli.bench.scene import load, ring
 from skincli.gpu.textures import read_back
 from skincli.graph.frame_graph import FrameGraph
 from skincli.graph.node import ONE, Load, Ref
-from skincli.mesh import windows
+from skincli.mesh import lattice, windows
 from skincli.mesh.model import Mesh
 from skincli.passes import near, window
 from skincli.passes.lattice import LatticeSlice
@@ -269,6 +269,13 @@ def test_light_is_wanted_beyond_charts_that_abut(tmp_path: Path) -> None:
     found, expected = (Pipeline(text, of, single=single).run(["beauty"])["beauty"][..., :3] for single in (True, False))
     np.testing.assert_array_equal(found, expected)
     assert expected.max() > 0.1
+
+
+def test_all_that_the_passes_reach_is_wanted() -> None:
+    """Splat and slice by a lattice constant each, a gradient by a step, four blurs; windows by corners of squares."""
+    most = max(lattice.RATIO_NARROW, lattice.RATIO_WIDE)
+    assert (2 + np.sqrt(3) / 2 + 2 * lattice.REACH) * most <= pipeline.REACH
+    assert np.sqrt(2) * windows.REACH < pipeline.REACH
 
 
 def test_what_lies_within_reach_lies_in_the_same_cube_or_beside_it() -> None:
